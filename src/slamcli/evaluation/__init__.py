@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Errors of trajectories and maps against ground truth."""

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: MIT
+"""What sensors measured: frozen records, checked on construction.
+
+Stamps are int64 nanoseconds of the message header (the sensor's own time). Arrays are not copied; treat them as
+read-only.
+"""
+
+from slamcli.measurements.camera import CameraModel
+from slamcli.measurements.image import Image
+from slamcli.measurements.imu import ImuSample
+from slamcli.measurements.laser import LaserScan
+from slamcli.measurements.motion import FrameTransform, Odometry, StampedPose, StampedTwist
+from slamcli.measurements.points import PointCloud
+
+Measurement = (
+    LaserScan | PointCloud | Image | ImuSample | Odometry | StampedPose | StampedTwist | FrameTransform | CameraModel
+)
+
+__all__ = [
+    "CameraModel",
+    "FrameTransform",
+    "Image",
+    "ImuSample",
+    "LaserScan",
+    "Measurement",
+    "Odometry",
+    "PointCloud",
+    "StampedPose",
+    "StampedTwist",
+]

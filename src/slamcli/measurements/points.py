@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: MIT
+"""A cloud of points that one sensor measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import DataError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointCloud:
+    """Points in the sensor's frame; `offset_ns` and `intensities` have one entry per point, filtered together with them."""
+
+    stamp_ns: int
+    frame_id: str
+    points_m: NDArray[np.float32]
+    """float32 (N, 3), finite."""
+    offset_ns: NDArray[np.int64] | None = None
+    """int64 (N,), when each point was measured, after `stamp_ns`, or None."""
+    intensities: NDArray[np.float32] | None = None
+    """float32 (N,) or None."""
+    topic: str = ""
+
+    def __post_init__(self) -> None:
+        if self.points_m.ndim != 2 or self.points_m.shape[1] != 3:
+            raise DataError(f"point cloud at {self.stamp_ns} ns: points have shape {self.points_m.shape}, not (N, 3)")
+        for name in ("offset_ns", "intensities"):
+            values = getattr(self, name)
+            if values is not None and values.shape != (len(self.points_m),):
+                raise DataError(
+                    f"point cloud at {self.stamp_ns} ns: {name} has shape {values.shape} for {len(self.points_m)} points"
+                )

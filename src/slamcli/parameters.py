@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: MIT
+"""Parameters declared once: name, type, unit, range, default and help.
+
+A tier declares its parameters as a frozen dataclass whose fields are made by :func:`parameter`. Loading, checks,
+``config show``, ``config check`` and the documentation are derived from that declaration.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from slamcli.errors import ConfigError
+
+_TRUE = {"true", "1", "yes", "on"}
+_FALSE = {"false", "0", "no", "off"}
+
+T = TypeVar("T")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Declaration:
+    """One parameter as its users know it."""
+
+    name: str
+    """Native name, e.g. ``lstep`` or ``Kp/MaxFeatures``."""
+    field: str
+    """Name of the dataclass field that holds its value."""
+    kind: type
+    """bool, int, float or str."""
+    default: Any
+    """Default value; None where it is derived from the data (the help says how)."""
+    unit: str
+    help: str
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[str, ...]
+    effective: bool
+    """False for a parameter that is accepted but has no meaning offline."""
+    extension: bool
+    """True for a parameter that the followed system does not have."""
+
+
+def parameter(
+    default: Any,
+    help: str,
+    *,
+    name: str | None = None,
+    kind: type | None = None,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: Iterable[str] = (),
+    effective: bool = True,
+    extension: bool = False,
+) -> Any:
+    """Declare one parameter as a dataclass field; see :class:`Declaration` for the meaning of the arguments."""
+    metadata = dict(
+        name=name,
+        kind=kind or type(default),
+        unit=unit,
+        help=help,
+        minimum=minimum,
+        maximum=maximum,
+        choices=tuple(choices),
+        effective=effective,
+        extension=extension,
+    )
+    return dataclasses.field(default=default, metadata={"parameter": metadata})
+
+
+def declarations(parameters: type) -> tuple[Declaration, ...]:
+    """Return the declarations of a parameter dataclass in the order in which they are written."""
+    found = []
+    for field in dataclasses.fields(parameters):
+        facts = dict(field.metadata["parameter"])
+        facts["name"] = facts["name"] or field.name
+        found.append(Declaration(field=field.name, default=field.default, **facts))
+    return tuple(found)
+
+
+def resolve(parameters: type[T], *layers: Mapping[str, Any], source: str = "") -> T:
+    """Return an instance of `parameters` with the values of `layers` (native names) over the defaults; later wins.
+
+    Raises
+    ------
+    ConfigError
+        If a name is unknown (the message names the nearest one), or a value has the wrong type or range.
+    """
+    known = {d.name: d for d in declarations(parameters)}
+    values: dict[str, Any] = {}
+    for layer in layers:
+        for name, value in layer.items():
+            if name not in known:
+                raise ConfigError(unknown_name(name, known, source))
+            values[known[name].field] = convert(known[name], value)
+    return parameters(**values)
+
+
+def unknown_name(name: str, known: Iterable[str], source: str = "") -> str:
+    """Return the message for a parameter that does not exist, with the nearest names that do."""
+    lowered = {k.lower(): k for k in known}
+    near = [lowered[n] for n in difflib.get_close_matches(name.lower(), lowered, n=2, cutoff=0.5)]
+    where = f" in {source}" if source else ""
+    hint = f"; did you mean {' or '.join(near)}?" if near else "; `slamcli config show` lists all of them"
+    return f"unknown parameter {name!r}{where}{hint}"
+
+
+def convert(declaration: Declaration, value: Any) -> Any:
+    """Return `value` (text or a native type) as the declared type, checked against range and choices."""
+    if value is None or (isinstance(value, str) and declaration.default is None and value.lower() == "auto"):
+        return declaration.default
+    try:
+        converted = _as_kind(declaration.kind, value)
+    except (ValueError, TypeError) as error:
+        kind = {"bool": "true or false", "int": "a whole number", "float": "a number"}.get(
+            declaration.kind.__name__, "text"
+        )
+        raise ConfigError(f"{declaration.name}={value!r}: not {kind}") from error
+    if (
+        declaration.choices
+        and str(converted) not in declaration.choices
+        and not _numeric_choice(declaration, converted)
+    ):
+        raise ConfigError(f"{declaration.name}={value!r}: choose one of {', '.join(declaration.choices)}")
+    if isinstance(converted, float) and math.isnan(converted):
+        raise ConfigError(f"{declaration.name}={value!r}: not a number")
+    low, high = declaration.minimum, declaration.maximum
+    if isinstance(converted, (int, float)) and (
+        (low is not None and converted < low) or (high is not None and converted > high)
+    ):
+        bounds = (
+            f"at least {low:g}"
+            if high is None
+            else f"at most {high:g}"
+            if low is None
+            else f"between {low:g} and {high:g}"
+        )
+        raise ConfigError(f"{declaration.name}={value!r}: must be {bounds} {declaration.unit}".rstrip())
+    return converted
+
+
+def _numeric_choice(declaration: Declaration, value: Any) -> bool:
+    """Whether a choice parameter such as ``auto|SECONDS`` was given its number."""
+    if "NUMBER" not in declaration.choices:
+        return False
+    try:
+        return math.isfinite(float(value))
+    except ValueError:
+        return False
+
+
+def as_dict(parameters: Any) -> dict[str, Any]:
+    """Return the values of a parameter dataclass instance by native name."""
+    return {d.name: getattr(parameters, d.field) for d in declarations(type(parameters))}
+
+
+def _as_kind(kind: type, value: Any) -> Any:
+    if kind is bool:
+        if isinstance(value, bool):
+            return value
+        text = str(value).strip().lower()
+        if text in _TRUE:
+            return True
+        if text in _FALSE:
+            return False
+        raise ValueError(value)
+    if isinstance(value, bool):
+        raise TypeError(value)
+    if kind is int:
+        if isinstance(value, str):
+            return int(value, 0) if value.strip().lower().startswith(("0x", "-0x")) else _whole(float(value))
+        return _whole(value)
+    if kind is float:
+        return float(value)
+    return str(value)
+
+
+def _whole(value: Any) -> int:
+    if value != int(value):
+        raise ValueError(value)
+    return int(value)

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Bags and data sets to measurements, and back."""

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Alignment of scans and clouds."""

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Figures, tables and the HTML report."""

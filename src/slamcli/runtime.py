@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""What long work tells whoever waits for it: progress, warnings and timing, without printing anything."""
+
+from __future__ import annotations
+
+import contextlib
+import resource
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """Where long work reports how far it is; the command line draws it, the library stays silent."""
+
+    def stage(self, name: str, total: float | None = None) -> None:
+        """Begin a stage; `total` is its size in seconds of recording (or another unit), None if unknown."""
+
+    def update(self, done: float) -> None:
+        """Report how much of the stage's total is done."""
+
+
+class SilentProgress:
+    """A Progress that nobody watches."""
+
+    def stage(self, name: str, total: float | None = None) -> None:
+        """Ignore the stage."""
+
+    def update(self, done: float) -> None:
+        """Ignore the progress."""
+
+
+class RunLog:
+    """Warnings, counts and time per stage of one run; becomes part of ``run.json``.
+
+    Warnings keep their order and are told once each; `counts` counts what was mended or skipped.
+    """
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self.progress: Progress = progress or SilentProgress()
+        self.warnings: list[str] = []
+        self.notes: list[str] = []
+        self.counts: Counter[str] = Counter()
+        self.seconds: dict[str, float] = {}
+
+    def warn(self, message: str) -> None:
+        """Keep a warning unless it was already given."""
+        if message not in self.warnings:
+            self.warnings.append(message)
+
+    def note(self, message: str) -> None:
+        """Keep a remark (what was chosen and how to choose otherwise) unless it was already given."""
+        if message not in self.notes:
+            self.notes.append(message)
+
+    @contextlib.contextmanager
+    def stage(self, name: str, total: float | None = None) -> Iterator[None]:
+        """Time a stage; stages of the same name add up."""
+        self.progress.stage(name, total)
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def peak_memory_bytes() -> int:
+    """Return the peak resident memory of this process so far, in bytes."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Worlds, sensors, the robot and the recordings they make."""

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: MIT
+"""A sequence of poses of one frame in another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slamcli.errors import DataError
+from slamcli.geometry import quaternion, se3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Poses ``T_frame_child`` in the order in which they were recorded; stamps may run backwards where a clock did."""
+
+    stamps_ns: NDArray[np.int64]
+    """int64 (N,), nanoseconds."""
+    positions_m: NDArray[np.float64]
+    """float64 (N, 3), metres."""
+    quats_xyzw: NDArray[np.float64]
+    """float64 (N, 4), unit quaternions."""
+    frame_id: str = ""
+    child_frame_id: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.stamps_ns)
+        if self.stamps_ns.shape != (n,) or self.positions_m.shape != (n, 3) or self.quats_xyzw.shape != (n, 4):
+            raise DataError(
+                f"trajectory: {self.stamps_ns.shape} stamps, {self.positions_m.shape} positions, {self.quats_xyzw.shape} orientations"
+            )
+        if not (np.isfinite(self.positions_m).all() and np.isfinite(self.quats_xyzw).all()):
+            raise DataError("trajectory: a pose is not finite")
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @classmethod
+    def from_se2(
+        cls, stamps_ns: ArrayLike, poses: ArrayLike, frame_id: str = "", child_frame_id: str = ""
+    ) -> Trajectory:
+        """Build from planar poses (N, 3) x, y, yaw."""
+        poses = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
+        positions = np.column_stack([poses[:, :2], np.zeros(len(poses))])
+        return cls(
+            np.asarray(stamps_ns, dtype=np.int64), positions, quaternion.from_yaw(poses[:, 2]), frame_id, child_frame_id
+        )
+
+    @property
+    def poses_se2(self) -> NDArray[np.float64]:
+        """float64 (N, 3), the planar part x, y, yaw."""
+        return np.column_stack([self.positions_m[:, :2], quaternion.yaw(self.quats_xyzw)])
+
+    @property
+    def transforms(self) -> NDArray[np.float64]:
+        """float64 (N, 4, 4), ``T_frame_child``."""
+        return se3.from_position_quaternion(self.positions_m, self.quats_xyzw)
+
+    @property
+    def stamps_s(self) -> NDArray[np.float64]:
+        """float64 (N,), seconds (about 1e-7 s exact for today's epoch: use `stamps_ns` to compare)."""
+        return self.stamps_ns / 1e9
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path in metres."""
+        return float(np.linalg.norm(np.diff(self.positions_m, axis=0), axis=1).sum())
