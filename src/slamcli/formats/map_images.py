@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +140,7 @@ def _ascii_values(data: bytes, offset: int, count: int, path: Path) -> NDArray[n
     return values
 
 
-def _to_bytes(values: NDArray[np.integer], maxval: int) -> NDArray[np.uint8]:
+def _to_bytes(values: NDArray[Any], maxval: int) -> NDArray[np.uint8]:
     if maxval == 255:
         return values.astype(np.uint8)
     table = np.arange(maxval + 1, dtype=np.int64) * 255
