@@ -90,3 +90,30 @@ class GmappingParameters:
         choices=("auto", "NUMBER"),
         extension=True,
     )
+    scan_odometry: bool = parameter(
+        True,
+        "align every scan with the ones before it and use that as odometry; false: the wheels alone, as ROS gmapping",
+        extension=True,
+    )
+    free_check: bool = parameter(
+        False,
+        "a beam counts only if the cell before its hit is no obstacle: tells inside from outside of walls (in ROS gmapping a no-op)",
+        extension=True,
+    )
+    adaptive_particles: str = parameter(
+        "none",
+        "number of particles after a resampling: none keeps it, kld follows the spread (Fox, IJRR 2003)",
+        choices=("none", "kld"),
+        extension=True,
+    )
+    min_particles: int = parameter(
+        10, "smallest number of particles with adaptive_particles=kld", minimum=1, extension=True
+    )
+    kld_err: float = parameter(
+        0.05,
+        "allowed error of the particle distribution with adaptive_particles=kld",
+        minimum=1e-6,
+        maximum=1.0,
+        extension=True,
+    )
+    kld_z: float = parameter(2.33, "upper quantile of the normal distribution for kld_err", minimum=0.0, extension=True)
