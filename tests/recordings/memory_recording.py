@@ -8,6 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
+from rosbags.serde import SerdeError
+
+from slamcli.errors import RecordingError
 from slamcli.recordings.adapters import message_factory
 from slamcli.recordings.mends import Mends
 from slamcli.recordings.raw import Contents, RawMessage, Topic
@@ -57,7 +60,10 @@ class MemoryContainer:
                 yield message
 
     def decode(self, message: RawMessage) -> Any:
-        return message_factory(self.encoding).deserialise(message.data, self.topics[message.topic].msgtype)
+        try:
+            return message_factory(self.encoding).deserialise(message.data, self.topics[message.topic].msgtype)
+        except SerdeError as error:
+            raise RecordingError(str(error)) from error
 
     def __enter__(self) -> Self:
         return self

@@ -181,7 +181,8 @@ class Recording:
             return f"the recording has no {what} topic (it has {held or 'no topics at all'})"
         near = difflib.get_close_matches(name, [topic.name for topic in fitting], n=1, cutoff=0.75)
         listed = ", ".join(f"{topic.name} ({_short(topic.msgtype)})" for topic in fitting[:12])
-        return f"did you mean {near[0]}? " * bool(near) + f"it could be one of: {listed}"
+        meant = f"did you mean {near[0]}? " if near else ""
+        return f"{meant}it could be one of: {listed}"
 
     def __enter__(self) -> Self:
         self.raw.__enter__()
