@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Files of trajectories and maps - a reader and a writer in pairs."""
+"""Files other than recordings: maps, trajectories, relations; a reader and a writer in pairs."""
