@@ -28,7 +28,7 @@ def create_recording(
     """
     from slamcli.recordings.containers import create_raw
 
-    ros1 = format == "rosbag1" if format is not None else Path(path).suffix == ".bag"
+    ros1 = format == "rosbag1" if format is not None else Path(path).suffix.lower() == ".bag"
     return RecordingWriter(create_raw(Path(path), format=format, compression=compression), "ros1" if ros1 else "cdr")
 
 
