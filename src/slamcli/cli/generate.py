@@ -55,7 +55,7 @@ def command(
     people: int | None, imu: bool | None, truth: str | None, map_path: str | None, container: str | None,
     compression: str | None, as_json: bool, verbosity: int,
 ) -> int:  # fmt: skip
-    r"""Simulate a robot in WORLD and write its recording, with ground truth, to OUT.
+    """Simulate a robot in WORLD and write its recording, with ground truth, to OUT.
 
     WORLD is a world file (YAML), a map.yaml, or the name of a built-in world (--list-worlds). OUT is a .bag, .mcap,
     .db3 or a folder.
@@ -65,7 +65,7 @@ def command(
     slamcli generate warehouse hall.bag --duration 300 --people 4 --imu --seed 7
     slamcli generate map.yaml drive.mcap --set laser.range_max=4 --set laser.fov=240
     slamcli generate office slip.bag --set slip.count=3 --set clock.laser_offset=0.1
-    """
+    """  # noqa: D301 - click needs the backspace itself
     from slamcli.pipelines.generate import generate
     from slamcli.runtime import RunLog
 

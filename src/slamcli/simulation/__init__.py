@@ -6,4 +6,13 @@ from slamcli.simulation.simulate import Message, Simulation
 from slamcli.simulation.world import Walker, World
 from slamcli.simulation.world_file import is_world_file, load_world
 
-__all__ = ["Message", "Simulation", "SimulationParameters", "Walker", "World", "is_world_file", "load_world", "resolve_settings"]
+__all__ = [
+    "Message",
+    "Simulation",
+    "SimulationParameters",
+    "Walker",
+    "World",
+    "is_world_file",
+    "load_world",
+    "resolve_settings",
+]
