@@ -75,9 +75,8 @@ def test_every_option_is_on_the_page_of_its_command():
     for name, command in all_commands():
         first = name.split()[0]
         page = (ROOT / "docs" / ("configuration.md" if first == "config" else f"{first}.md")).read_text()
-        for parameter in command.params:
-            if isinstance(parameter, click.Option) and not any(option in page for option in parameter.opts):
-                missing.append(f"{name}: {parameter.opts[-1]}")
+        options = [parameter.opts for parameter in command.params if isinstance(parameter, click.Option)]
+        missing.extend(f"{name}: {opts[-1]}" for opts in options if not any(option in page for option in opts))
     assert missing == []
 
 
@@ -133,5 +132,7 @@ def test_a_programming_error_keeps_its_traceback(monkeypatch):
 
 def test_a_reader_that_goes_away_is_no_error():
     command = f"{sys.executable} -m slamcli config show --algo gmapping | head -n 1"
-    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.stderr == ""

@@ -48,7 +48,9 @@ print(json.dumps(sorted(set({HEAVY!r}) & set(sys.modules))))
     assert not loaded & {"open3d", "gtsam", "matplotlib"}
 
 
-@pytest.mark.parametrize("module", ["slamcli", "slamcli.cli.main", "slamcli.errors", "slamcli.outputs", "slamcli.runtime"])
+@pytest.mark.parametrize(
+    "module", ["slamcli", "slamcli.cli.main", "slamcli.errors", "slamcli.outputs", "slamcli.runtime"]
+)
 def test_light_modules_stay_light(module):
     code = f"import sys, {module}; print([n for n in {(*HEAVY, 'numpy')!r} if n in sys.modules])"
     assert run_python(code).strip() == "[]"

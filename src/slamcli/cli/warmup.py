@@ -8,11 +8,12 @@ import time
 
 import click
 
+from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
 
 # Modules under slamcli with a `warm()` that calls each of their kernels on tiny input.
-ROOMS: tuple[str, ...] = ()
+ROOMS = ("simulation.drive", "simulation.raycast")
 
 
 @click.command()
@@ -25,8 +26,6 @@ def command(as_json: bool, verbosity: int) -> int:
     folder ($NUMBA_CACHE_DIR if it is set, otherwise $XDG_CACHE_HOME/slamcli or ~/.cache/slamcli). With a full cache this
     takes a second or two.
     """
-    from slamcli.kernel_cache import cache_directory
-
     seconds: dict[str, float] = {}
     with Console(verbosity) as console:
         for name in ROOMS:
@@ -35,7 +34,7 @@ def command(as_json: bool, verbosity: int) -> int:
             seconds[name] = time.perf_counter() - start
             console.say(f"{name}: {seconds[name]:.2f} s")
         total = sum(seconds.values())
-        console.say(f"all kernels are compiled ({total:.1f} s); the cache is {cache_directory()}")
+        console.say(f"all kernels are compiled ({total:.1f} s); the cache is {kernel_cache.directory()}")
     if as_json:
-        print_json({"seconds": seconds, "total_s": total, "cache": str(cache_directory())})
+        print_json({"seconds": seconds, "total_s": total, "cache": str(kernel_cache.directory())})
     return 0
