@@ -16,7 +16,13 @@ from slamcli.pipelines.generate import generate
 
 FAST = {"robot.turn_rate": 2.0, "robot.turn_acceleration": 6.0}
 SICK = {"laser.beams": 361, "laser.fov": 180, "laser.range_max": 30, "laser.resolution": 0.01, "laser.rate": 5}
-SHORT = {"laser.beams": 682, "laser.fov": 240, "laser.range_max": 4, "laser.range_min": 0.02, "laser.noise_relative": 0.01}
+SHORT = {
+    "laser.beams": 682,
+    "laser.fov": 240,
+    "laser.range_max": 4,
+    "laser.range_min": 0.02,
+    "laser.noise_relative": 0.01,
+}
 
 # name: (world, settings, seconds or None for the world's route)
 VARIANTS: dict[str, tuple[str, dict[str, float | str], float | None]] = {
