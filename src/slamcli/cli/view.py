@@ -26,7 +26,9 @@ from slamcli.cli.options import json_option, verbosity_options
     "--max-pixels", type=click.IntRange(64, 20000), default=2000, show_default=True,
     help="Most pixels of the drawing's longer side; larger maps are reduced so that walls stay.",
 )  # fmt: skip
-@click.option("--start", "start_s", type=float, metavar="SEC", help="Recordings: begin so many seconds after its start.")
+@click.option(
+    "--start", "start_s", type=float, metavar="SEC", help="Recordings: begin so many seconds after its start."
+)
 @click.option("--duration", "duration_s", type=float, metavar="SEC", help="Recordings: draw so many seconds.")
 @click.option(
     "--scans", type=click.IntRange(0, 100_000), default=200, show_default=True,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import FormatError, UsageError
+from slamcli.errors import UsageError
 from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
@@ -116,7 +116,11 @@ def default_output(source: Path, kind: str) -> Path:
     if kind == "result":
         return source / "view.png"
     resolved = source.resolve()
-    return resolved.parent / f"{resolved.stem}-view.png" if source.name in ("", ".", "..") else source.with_name(f"{source.stem}-view.png")
+    return (
+        resolved.parent / f"{resolved.stem}-view.png"
+        if source.name in ("", ".", "..")
+        else source.with_name(f"{source.stem}-view.png")
+    )
 
 
 def _kind(source: Path) -> str:
@@ -124,8 +128,15 @@ def _kind(source: Path) -> str:
         raise UsageError(f"{source}: no such file or folder")
     if source.is_dir():
         is_result = any((source / name).is_file() for name in ("run.json", "map.yaml", "trajectory.tum"))
-        if not is_result and not any(source.glob("*.db3*")) and not any(source.glob("*.mcap*")) and not any(source.glob("*.bag")):
-            raise UsageError(f"{source}: neither a result (map.yaml, trajectory.tum) nor a recording lies in this folder")
+        if (
+            not is_result
+            and not any(source.glob("*.db3*"))
+            and not any(source.glob("*.mcap*"))
+            and not any(source.glob("*.bag"))
+        ):
+            raise UsageError(
+                f"{source}: neither a result (map.yaml, trajectory.tum) nor a recording lies in this folder"
+            )
         return "result" if is_result else "recording"
     suffixes = [s.lower() for s in source.suffixes]
     last = suffixes[-1] if suffixes else ""
@@ -133,7 +144,11 @@ def _kind(source: Path) -> str:
         return "map"
     if last in _PICTURES:
         raise UsageError(f"{source}: name the map's .yaml; the picture alone has no scale")
-    if last in _RECORDING_SUFFIXES or any(s in _RECORDING_SUFFIXES for s in suffixes[-2:]) or _begins_as_recording(source):
+    if (
+        last in _RECORDING_SUFFIXES
+        or any(s in _RECORDING_SUFFIXES for s in suffixes[-2:])
+        or _begins_as_recording(source)
+    ):
         return "recording"
     if any(s in _LOG_SUFFIXES for s in suffixes[-2:]):
         bag = source.name.split(".")[0] + ".mcap"
@@ -164,8 +179,8 @@ def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tup
     if trajectory is not None:
         facts |= trajectory_facts(trajectory)
     if not yaml.is_file() and trajectory is not None:
-        others = [("ground truth", truth)] if truth is not None else []
-        image = track.track_image(trajectory, others, title=_title(options, name), max_pixels=options.max_pixels)
+        shown = ("ground truth", truth) if truth is not None else None
+        image = track.track_image(trajectory, truth=shown, title=_title(options, name), max_pixels=options.max_pixels)
         return raster.png(image), facts
     read = read_map(yaml)
     for warning in read.warnings:
@@ -180,11 +195,11 @@ def _draw_trajectories(sources: Sequence[Path], options: ViewOptions, log: RunLo
     if len(read) > 6:
         raise UsageError(f"{len(read)} trajectories: six can be told apart")
     others = [(source.name, trajectory) for source, trajectory in zip(sources[1:], read[1:], strict=True)]
-    if options.truth is not None:
-        others = [("ground truth", read_trajectory(options.truth, log=log)), *others][:5]
+    truth = ("ground truth", read_trajectory(options.truth, log=log)) if options.truth is not None else None
     image = track.track_image(
         read[0],
         others,
+        truth=truth,
         label=sources[0].name,
         title=_title(options, ""),
         max_pixels=options.max_pixels,
@@ -224,13 +239,14 @@ def _run_facts(path: Path, log: RunLog) -> dict[str, Any]:
     if not path.is_file():
         return {}
     try:
-        if path.stat().st_size > _MAX_RUN_JSON_BYTES:
-            raise FormatError(f"{path}: larger than a run record can be")
-        run = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(run, dict):
-            raise FormatError(f"{path}: not a run record")
-    except (OSError, ValueError, RecursionError, FormatError) as error:
+        with path.open("rb") as stream:
+            data = stream.read(_MAX_RUN_JSON_BYTES + 1)
+        run = json.loads(data) if len(data) <= _MAX_RUN_JSON_BYTES else None
+    except (OSError, ValueError, RecursionError) as error:
         log.warn(f"{path} cannot be read and is left out: {error}")
+        return {}
+    if not isinstance(run, dict):
+        log.warn(f"{path} is not a run record and is left out")
         return {}
     return {key: run[key] for key in ("algo", "seed", "timing", "summary") if key in run}
 

@@ -23,8 +23,9 @@ from slamcli.trajectory import Trajectory
 if TYPE_CHECKING:
     from slamcli.pipelines.view import ViewOptions
 
-_TRUTH_WORDS = ("truth", "base_pose", "gt_pose", "mocap", "vicon")
+_TRUTH_WORDS = ("truth", "base_pose", "gt_pose", "groundtruth", "mocap", "vicon")
 _ODOM_FRAMES = ("odom", "odom_combined", "odometry", "map", "world")
+_BASE_FRAMES = ("base_footprint", "base_link")
 _MOST_BEAMS = 1000
 _MOST_PATHS = 5
 
@@ -51,7 +52,7 @@ class _Count:
     @property
     def rate_hz(self) -> float | None:
         span = self.last_ns - self.first_ns
-        return (self.number - 1) * 1e9 / span if self.number > 1 and span > 0 else None
+        return (self.number - 1) * 1e9 / span if self.number > 2 and span > 1e8 else None
 
 
 def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
@@ -73,11 +74,17 @@ def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -
         with log.stage("odometry and scans"):
             drawn = _paths_and_scans(recording, options, log)
         if options.truth is not None:
-            drawn.paths.insert(min(1, len(drawn.paths)), ("ground truth", read_trajectory(options.truth, log=log)))
-    if drawn.paths or len(drawn.points_m):
+            drawn.truth = ("ground truth", read_trajectory(options.truth, log=log))
+    if drawn.paths or drawn.truth or len(drawn.points_m):
         (label, first), *others = drawn.paths or [("", _no_poses())]
         below = track.track_image(
-            first, others[:_MOST_PATHS], points_m=drawn.points_m, label=label, title=drawn.title, max_pixels=min(1200, options.max_pixels)
+            first,
+            others[:_MOST_PATHS],
+            truth=drawn.truth,
+            points_m=drawn.points_m,
+            label=label,
+            title=drawn.title,
+            max_pixels=min(1200, options.max_pixels),
         )
         picture = timeline.stacked(picture, below)
         facts["paths"] = [{"source": n, "poses": len(t), "length_m": t.length_m} for n, t in drawn.paths]
@@ -101,7 +108,7 @@ def _rows(recording: Recording, counts: dict[str, _Count]) -> list[timeline.Row]
     rows = []
     for name, count in sorted(counts.items()):
         told = f"{types.get(name, '?')}   {count.number:,}"
-        if count.rate_hz is not None and count.number > 2:
+        if count.rate_hz is not None:
             told += f"   {count.rate_hz:.3g} Hz   longest pause {count.largest_gap_ns / 1e9:.2g} s"
         rows.append(timeline.Row(name=name, counts=count.columns, fact=told))
     return rows
@@ -125,6 +132,7 @@ def _topic_facts(recording: Recording, counts: dict[str, _Count]) -> list[dict[s
 class _Drawn:
     """What is drawn below the timeline."""
 
+    truth: tuple[str, Trajectory] | None = None
     paths: list[tuple[str, Trajectory]] = field(default_factory=list)
     points_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
     num_scans: int = 0
@@ -133,11 +141,18 @@ class _Drawn:
 
 def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) -> _Drawn:
     drawn = _Drawn()
-    pose_topics = sorted((t for kind in (Odometry, StampedPose) for t in recording.topics(kind) if t.count != 0), key=_preference)
+    pose_topics = sorted(
+        (t for kind in (Odometry, StampedPose) for t in recording.topics(kind) if t.count != 0), key=_preference
+    )
     for topic in pose_topics[: _MOST_PATHS + 1]:
         trajectory = _read_path(recording, topic, options)
-        if len(trajectory):
-            drawn.paths.append((topic.name, trajectory))
+        if not len(trajectory):
+            continue
+        label = f"{topic.name} in {trajectory.frame_id}" if trajectory.frame_id else topic.name
+        if drawn.paths and drawn.truth is None and _is_truth(topic):
+            drawn.truth = (label, trajectory)
+        else:
+            drawn.paths.append((label, trajectory))
     scan_topics = sorted((t for t in recording.topics(LaserScan) if t.count != 0), key=lambda t: -(t.count or 0))
     if not scan_topics:
         return drawn
@@ -148,9 +163,13 @@ def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) ->
     stamps = np.array([scan.stamp_ns for scan in scans], dtype=np.int64)
     poses = _scanner_poses(recording, drawn, scans[0].frame_id, stamps, log)
     if poses is None:
-        log.note(f"{topic.name}: neither odometry nor transforms say where the scanner was; only its first scan is drawn")
+        log.note(
+            f"{topic.name}: neither odometry nor transforms say where the scanner was; only its first scan is drawn"
+        )
         scans, poses = scans[:1], np.zeros((1, 3))
-    drawn.points_m = np.concatenate([se2.transform_points(pose, _end_points(scan)) for pose, scan in zip(poses, scans, strict=True)])
+    drawn.points_m = np.concatenate(
+        [se2.transform_points(pose, _end_points(scan)) for pose, scan in zip(poses, scans, strict=True)]
+    )
     drawn.num_scans = len(scans)
     told = "1 scan" if len(scans) == 1 else f"{len(scans)} scans"
     drawn.title = f"{told} of {topic.name}" + (f" on {drawn.paths[0][0]}" if drawn.paths else "")
@@ -160,7 +179,12 @@ def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) ->
 def _preference(topic: Topic) -> tuple[bool, bool, bool, str]:
     """Order topics: odometry before poses, dead reckoning before ground truth."""
     name = topic.name.lower()
-    return "Odometry" not in topic.msgtype, any(word in name for word in _TRUTH_WORDS), "odom" not in name, name
+    return "Odometry" not in topic.msgtype, _is_truth(topic), "odom" not in name, name
+
+
+def _is_truth(topic: Topic) -> bool:
+    """Return whether a topic's name says that it is ground truth."""
+    return any(word in topic.name.lower() for word in _TRUTH_WORDS)
 
 
 def _read_path(recording: Recording, topic: Topic, options: ViewOptions) -> Trajectory:
@@ -176,13 +200,13 @@ def _read_path(recording: Recording, topic: Topic, options: ViewOptions) -> Traj
 def _read_scans(recording: Recording, topic: Topic, options: ViewOptions) -> list[LaserScan]:
     """Return scans spread evenly over the part of the recording."""
     kept: list[LaserScan] = []
-    stride, seen = 1, 0
-    for scan in recording.measurements([topic], start_s=options.start_s, duration_s=options.duration_s):
-        if seen % stride == 0:
+    stride = 1
+    found = recording.measurements([topic], start_s=options.start_s, duration_s=options.duration_s)
+    for i, scan in enumerate(found):
+        if i % stride == 0:
             kept.append(scan)
             if len(kept) >= 2 * options.scans:  # the count is not known beforehand: thin out as they come
                 kept, stride = kept[::2], stride * 2
-        seen += 1
     if len(kept) <= options.scans:
         return kept
     chosen = np.linspace(0, len(kept) - 1, options.scans).round().astype(np.int64)
@@ -199,9 +223,10 @@ def _scanner_poses(
     tree = recording.frames()
     if drawn.paths and any(len(t) > 1 for _, t in drawn.paths[:1]):
         base = drawn.paths[0][1]
+        body = base.child_frame_id or next((f for f in _BASE_FRAMES if f in tree.frames), "")
         T_base_laser = np.zeros(3)
         try:
-            T_base_laser = se3.to_se2(tree.lookup(base.child_frame_id, frame_id))
+            T_base_laser = se3.to_se2(tree.lookup(body, frame_id)) if body else T_base_laser
         except InputError as error:
             log.note(f"the scanner is drawn at the odometry's frame: {error}")
         return se2.compose(_interpolate(base, stamps_ns), T_base_laser)
@@ -210,7 +235,9 @@ def _scanner_poses(
             T_root_laser, known = tree.lookup_many(root, frame_id, stamps_ns)
             poses = se3.to_se2(T_root_laser)
             if known.any():
-                drawn.paths.append((f"transforms {root} > {frame_id}", Trajectory.from_se2(stamps_ns, poses, root, frame_id)))
+                drawn.paths.append(
+                    (f"transforms {root} > {frame_id}", Trajectory.from_se2(stamps_ns, poses, root, frame_id))
+                )
                 return poses
     return None
 

@@ -108,11 +108,11 @@ def framed(
     if grid:
         _draw_grid(picture, x_px, y_px)
     room = max([raster.text_width(scales.number(v), size) for v in y_ticks] or [0])
-    left, top = room + 2 * size, round(2.2 * size) if title else size
+    left, top = room + 2 * size, round(2.2 * size) if title or axes != ("x", "y") else size
     gap = round(2.2 * size)
-    page = np.full(
-        (top + view.height_px + 2 * gap + size // 2, max(left + view.width_px + size, 24 * size), 3), 255, np.uint8
-    )
+    width = max(left + view.width_px + size, 24 * size)
+    lines = _legend_rows(view, left, width, size, legend)
+    page = np.full((top + view.height_px + 2 * gap + size // 2 + (len(lines) - 1) * 2 * size, width, 3), 255, np.uint8)
     page[top : top + view.height_px, left : left + view.width_px] = picture
     bottom = top + view.height_px
     for i, (v, x) in enumerate(zip(x_ticks, x_px, strict=True)):
@@ -123,9 +123,9 @@ def framed(
         raster.fill(page, (left - size / 3, top + y, left, top + y + 1), FAINT)
         raster.text(page, (left - 0.6 * size, top + y), scales.number(v), size, INK, "rm")
     if axes != ("x", "y"):
-        title = f"{title}   ({axes[0]} to the right, {axes[1]} up)"
+        title = f"{title}   {axes[0]} to the right, {axes[1]} up".strip()
     raster.text(page, (left, 0.45 * size), title, round(1.15 * size), INK)
-    _draw_footer(page, view, left, bottom + round(1.6 * gap), size, legend)
+    _draw_footer(page, view, left, bottom + round(1.6 * gap), size, lines)
     return page
 
 
@@ -144,24 +144,45 @@ def _draw_grid(picture: Pixels, x_px: Sequence[float], y_px: Sequence[float]) ->
     picture[lines & (picture == 255).all(axis=2)] = (232, 235, 239)
 
 
-def _draw_footer(page: Pixels, view: View, left: int, y: int, size: int, legend: Legend) -> None:
-    """Draw the scale bar on the left and the legend beside it, as far as there is room."""
+def _scale_bar(view: View, size: int) -> tuple[float, str, float]:
+    """Return length in pixels and label of the scale bar, and the room that both need."""
     length = scales.tick_step(view.span_m[0], 5)
     while length > view.span_m[0]:
         length /= 2
+    label = f"{scales.number(length)} m"
     bar = length / view.metres_per_px
+    return bar, label, bar + raster.text_width(label, size) + 2.5 * size
+
+
+def _legend_rows(
+    view: View, left: int, width: int, size: int, legend: Legend
+) -> list[list[tuple[float, str, Colour | None]]]:
+    """Return the legend's entries with their places, in as many rows as they need; the first row begins at the scale bar."""
+    rows: list[list[tuple[float, str, Colour | None]]] = [[]]
+    at = left + _scale_bar(view, size)[2]
+    for words, colour in legend:
+        needed = 3.0 * size + raster.text_width(words, size)
+        if at + needed > width and at > left:
+            rows.append([])
+            at = float(left)
+        rows[-1].append((at, words, colour))
+        at += needed + 1.5 * size
+    return rows
+
+
+def _draw_footer(
+    page: Pixels, view: View, left: int, y: int, size: int, rows: list[list[tuple[float, str, Colour | None]]]
+) -> None:
+    """Draw the scale bar on the left and the legend beside and below it."""
+    bar, label, _ = _scale_bar(view, size)
     raster.fill(page, (left, y - 1, left + bar, y + 1), INK)
     for x in (left, left + bar - 1):
         raster.fill(page, (x, y - size / 3, x + 1, y + size / 3), INK)
-    label = f"{scales.number(length)} m"
     raster.text(page, (left + bar + 0.5 * size, y), label, size, INK, "lm")
-    at = left + bar + raster.text_width(label, size) + 2.5 * size
-    for words, colour in legend:
-        needed = 3.0 * size + raster.text_width(words, size)
-        if at + needed > page.shape[1]:
-            break
-        shades = scales.time_colours(np.linspace(0, 1, 16)) if colour is None else colour
-        line = np.column_stack([np.linspace(at, at + 2.5 * size, 16), np.full(16, y + 0.5)])
-        raster.stroke(page, line, shades, max(2.0, size / 5))
-        raster.text(page, (at + 3.0 * size, y), words, size, INK, "lm")
-        at += needed + 1.5 * size
+    for i, row in enumerate(rows):
+        line_y = y + 2 * size * i
+        for at, words, colour in row:
+            shades = scales.time_colours(np.linspace(0, 1, 16)) if colour is None else colour
+            line = np.column_stack([np.linspace(at, at + 2.5 * size, 16), np.full(16, line_y + 0.5)])
+            raster.stroke(page, line, shades, max(2.0, size / 5))
+            raster.text(page, (at + 3.0 * size, line_y), words, size, INK, "lm")

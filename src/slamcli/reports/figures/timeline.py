@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,8 @@ _SIZE = 14
 _ROW = 26
 _MOST_ROWS = 60
 _MOST_LABEL = 48
+_FEWEST_FOR_RATE = 0.25
+"""Messages per column below which single messages are drawn instead of their rate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,8 +38,8 @@ class Row:
 def timeline_image(rows: Sequence[Row], duration_s: float, title: str = "") -> Pixels:
     """Return the picture uint8 (H, W, 3): one row per topic, dark where it has its usual rate, white where it is silent.
 
-    Topics with fewer messages than the picture has columns are drawn as single strokes on a pale band that stops where
-    the pause is much longer than usual.
+    Topics with much fewer messages than the picture has columns are drawn as single strokes on a pale band that stops
+    where the pause is much longer than usual.
     """
     shown = list(rows[:_MOST_ROWS])
     names = [_short(row.name) for row in shown]
@@ -89,12 +92,21 @@ def _shades(counts: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the colours (BINS, 3) of a topic's columns."""
     pale, full = np.array([222.0, 232.0, 241.0]), np.array(scales.BLUE, dtype=np.float64)
     colours = np.full((len(counts), 3), 255.0)
-    colours[~find_silence(counts)] = pale
+    silent = find_silence(counts)
+    colours[~silent] = pale
     filled = counts > 0
-    if filled.any():
-        usual = float(np.median(counts[filled]))
-        share = np.clip(0.35 + 0.65 * counts[filled] / usual, 0.0, 1.0)[:, None]
-        colours[filled] = pale + (full - pale) * share
+    if not filled.any():
+        return colours
+    usual = float(counts[~silent].mean())
+    if usual < _FEWEST_FOR_RATE:
+        colours[filled] = full
+        return colours
+    # A few messages per column come and go with rounding: average over as many columns as hold about twenty.
+    window = min(2 * math.ceil(10 / usual) + 1, 81)
+    kernel = np.ones(window)
+    rate = np.convolve(counts, kernel, "same") / np.maximum(np.convolve(~silent, kernel, "same"), 1)
+    share = np.clip(0.3 + 0.7 * rate[~silent] / usual, 0.0, 1.0)[:, None]
+    colours[~silent] = pale + (full - pale) * share
     return colours
 
 

@@ -13,7 +13,8 @@ from slamcli.reports.figures import plane, raster
 from slamcli.reports.figures.raster import Pixels
 from slamcli.trajectory import Trajectory
 
-_OTHERS = (scales.GREEN, scales.VERMILION, scales.BLUE, scales.PURPLE, scales.ORANGE)
+_OTHERS = (scales.BLUE, scales.VERMILION, scales.PURPLE, scales.SKY, scales.ORANGE)
+_FEW_POINTS = 5000
 _POINTS = (96, 104, 115)
 _AXES = "xyz"
 
@@ -22,6 +23,7 @@ def track_image(
     trajectory: Trajectory,
     others: Sequence[tuple[str, Trajectory]] = (),
     *,
+    truth: tuple[str, Trajectory] | None = None,
     points_m: NDArray[np.float64] | None = None,
     label: str = "trajectory",
     title: str = "",
@@ -37,7 +39,9 @@ def track_image(
     trajectory
         The trajectory to show.
     others
-        Label and trajectory, up to five; the first is green, as ground truth is in every figure.
+        Label and trajectory, up to five.
+    truth
+        Label and trajectory of ground truth, green as in every figure.
     points_m
         float64 (N, 2), metres: what scanners saw, drawn grey (only where x and y are drawn).
     label
@@ -47,18 +51,20 @@ def track_image(
     max_pixels
         Most pixels of the longer side (margins come on top).
     """
-    first, second = choose_axes([trajectory, *(t for _, t in others)])
-    lines = [t.positions_m[:, [first, second]] for t in (trajectory, *(t for _, t in others[: len(_OTHERS)]))]
+    beside = [(*truth, scales.GREEN)] if truth is not None else []
+    beside += [(name, t, colour) for (name, t), colour in zip(others, _OTHERS, strict=False)]
+    first, second = choose_axes([trajectory, *(t for _, t, _ in beside)])
+    lines = [t.positions_m[:, [first, second]] for t in (trajectory, *(t for _, t, _ in beside))]
     seen = points_m if points_m is not None and (first, second) == (0, 1) else np.zeros((0, 2))
     view = plane.fit_view(np.concatenate([*lines, seen]), max_pixels)
     picture = np.full((view.height_px, view.width_px, 3), 255, dtype=np.uint8)
     _draw_points(picture, view.pixels(seen))
     thin = plane.line_width(picture)
-    for line, colour in zip(lines[1:], _OTHERS, strict=False):
+    for line, (_, _, colour) in zip(lines[1:], beside, strict=True):
         raster.stroke(picture, view.pixels(line), colour, 1.8 * thin, opacity=0.6)
     plane.draw_trajectory(picture, view.pixels(lines[0]), trajectory.stamps_ns, thin)
     legend: list[tuple[str, plane.Colour | None]] = [plane.time_legend(label, trajectory)] if len(trajectory) else []
-    legend += [(name, colour) for (name, _), colour in zip(others, _OTHERS, strict=False)]
+    legend += [(name, colour) for name, _, colour in beside]
     return plane.framed(picture, view, title, legend, (_AXES[first], _AXES[second]), grid=True)
 
 
@@ -74,7 +80,10 @@ def choose_axes(trajectories: Sequence[Trajectory]) -> tuple[int, int]:
 
 
 def _draw_points(picture: Pixels, at_px: NDArray[np.float64]) -> None:
-    """Darken the pixels that hold points, the more the more points they hold."""
+    """Darken the pixels that hold points, the more the more points they hold; few points become dots."""
+    if len(at_px) <= _FEW_POINTS:
+        raster.dots(picture, at_px, 1.5, _POINTS)
+        return
     height, width = picture.shape[:2]
     at = np.floor(at_px[np.isfinite(at_px).all(axis=1)]).astype(np.int64)
     inside = (at >= 0).all(axis=1) & (at[:, 0] < width) & (at[:, 1] < height)
