@@ -1,0 +1,32 @@
+# Everything is set up by the first target that needs it: `make demo` and `make test` work on a fresh machine with
+# Python 3.11 to 3.13, git and make.
+
+BIN   := .venv/bin
+READY := .venv/ready
+
+.PHONY: demo test lint warmup lock clean
+
+demo: $(READY)
+	PATH="$(CURDIR)/$(BIN):$$PATH" bash .ci/demo
+
+test: $(READY)
+	$(BIN)/pytest -n auto
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+warmup: $(READY)
+	$(BIN)/slamcli warmup
+
+lock: $(READY)
+	$(BIN)/python .ci/lock.py
+
+clean:
+	rm -rf .venv demo build dist .coverage .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+
+$(READY): requirements.lock pyproject.toml .ci/setup
+	bash .ci/setup
+	touch $(READY)
