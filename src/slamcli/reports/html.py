@@ -163,7 +163,7 @@ def _errors(errors: Mapping[str, NDArray[Any]] | None, began_ns: int | None) -> 
 def _overlay(trajectory: Trajectory | None, truth: Trajectory | None) -> str:
     if trajectory is None or truth is None or not len(truth):
         return ""
-    lines = [("trajectory", trajectory.positions_m[:, :2]), ("ground truth", truth.positions_m[:, :2])]
+    lines = [("ground truth", truth.positions_m[:, :2]), ("trajectory", trajectory.positions_m[:, :2])]
     return page.figure(svg.plane_chart("Trajectory and ground truth from above", lines), "Trajectory and ground truth")
 
 

@@ -55,7 +55,7 @@ class Chart:
 def line_chart(chart: Chart) -> str:
     """Return an ``<svg>`` element with axes, round ticks, units and, for several series, a legend."""
     x_low, x_high = _range([s.x for s in chart.series], pad=0.0)
-    y_low, y_high = _range([s.y for s in chart.series], pad=0.04)
+    y_low, y_high = _range([s.y for s in chart.series], pad=0.12 if len(chart.marks_x) else 0.04)
     if chart.from_zero and y_low > -0.05 * (y_high - y_low):
         y_low = min(
             0.0, float(min((np.min(s.y, initial=0.0, where=np.isfinite(s.y)) for s in chart.series), default=0.0))
@@ -73,7 +73,7 @@ def line_chart(chart: Chart) -> str:
 
 
 def plane_chart(title: str, lines: Sequence[tuple[str, NDArray[np.float64]]], width: int = 720) -> str:
-    """Return an ``<svg>`` element with paths (label, float64 (N, 2) metres) from above, both axes to the same scale."""
+    """Return an ``<svg>`` element with up to six paths (label, float64 (N, 2) metres) from above, both axes to the same scale."""
     points = np.concatenate([p for _, p in lines])
     points = points[np.isfinite(points).all(axis=1)]
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.ones(2))
@@ -87,12 +87,11 @@ def plane_chart(title: str, lines: Sequence[tuple[str, NDArray[np.float64]]], wi
         float(centre[0] - half[0]), float(centre[0] + half[0]), float(centre[1] - half[1]), float(centre[1] + half[1]),
         _LEFT, top, width - _RIGHT, round(top + plot_height),
     )  # fmt: skip
-    parts = [
-        _axes(frame, "x in m", "y in m", equal=True),
-        _legend([(name, f"c{i}") for i, (name, _) in enumerate(lines)]),
-    ]
-    for i, (_, path) in enumerate(lines):
-        parts.append(f'<path class="line c{i}" d="{_path(frame, *_thin_path(frame, path))}"/>')
+    colours = [f"c{i}" for i in (2, 0, 1, 3, 4, 5)]  # the first line is the truth, green as in the map
+    labels = [(name, colour) for (name, _), colour in zip(lines, colours, strict=False)]
+    parts = [_axes(frame, "x in m", "y in m", equal=True), _legend(labels)]
+    for (_, path), colour in zip(lines, colours, strict=False):
+        parts.append(f'<path class="line {colour}" d="{_path(frame, *_thin_path(frame, path))}"/>')
     return _svg(title, width, frame.bottom + _BOTTOM, parts)
 
 
@@ -151,7 +150,7 @@ def _range(arrays: Sequence[NDArray[np.float64]], pad: float) -> tuple[float, fl
 def _axes(frame: _Frame, x_label: str, y_label: str, *, equal: bool = False) -> str:
     parts = []
     count = 8
-    y_count = max(2, (frame.bottom - frame.top) // 38)
+    y_count = max(2, (frame.bottom - frame.top) // 30)
     x_step = scales.tick_step(frame.x_high - frame.x_low, count)
     y_step = x_step if equal else scales.tick_step(frame.y_high - frame.y_low, y_count)
     for v in scales.multiples(frame.y_low, frame.y_high, y_step):

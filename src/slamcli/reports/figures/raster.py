@@ -40,7 +40,7 @@ def stroke(
     image
         uint8 (H, W, 3), drawn on in place.
     points_px
-        float64 (N, 2), x and y in pixels; what lies outside of the image is left out.
+        float64 (N, 2), x and y in pixels; what lies outside of the image or is not finite is left out.
     colours
         (3,) one colour, or (N, 3) one for each point, 0 to 255.
     width_px
@@ -52,6 +52,8 @@ def stroke(
     """
     points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
     shades = np.broadcast_to(np.asarray(colours, dtype=np.float64), (len(points), 3))
+    finite = np.isfinite(points).all(axis=1)
+    points, shades = points[finite], shades[finite]
     if len(points) == 0:
         return
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
