@@ -174,13 +174,13 @@ def descend(costs, potential, width, target, origin, step, out):
         x, y = cell % width + dx, cell // width + dy
         if count == len(out):
             return -1
-        if potential[nearest] < NEUTRAL or nearest == origin:
-            if _clear(costs, width, x, y, float(origin % width), float(origin // width)) or nearest == origin:
-                if count + 2 > len(out):
-                    return -1
-                out[count, 0], out[count, 1] = x, y
-                out[count + 1, 0], out[count + 1, 1] = origin % width, origin // width
-                return count + 2
+        close = potential[nearest] < NEUTRAL
+        if nearest == origin or (close and _clear(costs, width, x, y, float(origin % width), float(origin // width))):
+            if count + 2 > len(out):
+                return -1
+            out[count, 0], out[count, 1] = x, y
+            out[count + 1, 0], out[count + 1, 1] = origin % width, origin // width
+            return count + 2
         out[count, 0], out[count, 1] = x, y
         count += 1
         smooth = stalled < 8
@@ -196,11 +196,7 @@ def descend(costs, potential, width, target, origin, step, out):
             lower = _lowest_neighbour(costs, potential, width, nearest)
             if lower == nearest:
                 return -1
-            # From the cell's centre no step to a neighbour can touch an obstacle.
-            centre_x, centre_y = float(nearest % width), float(nearest // width)
-            if count < len(out) and (x != centre_x or y != centre_y):
-                out[count, 0], out[count, 1] = centre_x, centre_y
-                count += 1
+            # Corners are never cut there, so the straight line to its centre stays on free cells.
             cell, dx, dy = lower, 0.0, 0.0
         here = potential[cell + int(np.floor(dx + 0.5)) + width * int(np.floor(dy + 0.5))]
         if here < best:
