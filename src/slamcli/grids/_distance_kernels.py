@@ -5,10 +5,15 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 
 
 @njit(cache=True)
-def column_pass(mask, far, out):
+def column_pass(mask: Bools, far: int, out: Ints) -> None:
     """Write to `out` (H, W) int64 the distance in cells to the next true cell of the same column, `far` if none."""
     height, width = mask.shape
     for column in range(width):
@@ -23,7 +28,7 @@ def column_pass(mask, far, out):
 
 
 @njit(cache=True)
-def row_pass(columns, far, out):
+def row_pass(columns: Ints, far: int, out: Ints) -> None:
     """Turn column distances (H, W) into squared distances to the next true cell: lower envelope of parabolas per row."""
     height, width = columns.shape
     apex = np.empty(width, dtype=np.int64)
@@ -65,7 +70,7 @@ def row_pass(columns, far, out):
 
 
 @njit(cache=True)
-def nearest_true(mask, row, column, max_rings):
+def nearest_true(mask: Bools, row: float, column: float, max_rings: int) -> tuple[int, int]:
     """Return row, column of the true cell nearest to the point (`row`, `column`), fractions of cells; -1, -1 if none.
 
     Squares grow around the point until no unvisited cell can be nearer. Of equally near cells the first in row order
@@ -89,7 +94,7 @@ def nearest_true(mask, row, column, max_rings):
 
 
 @njit(cache=True)
-def nearest_square(mask, row, column, max_rings):
+def nearest_square(mask: Bools, row: float, column: float, max_rings: int) -> float:
     """Return the distance in cells from a point to the nearest true cell's square; inf beyond `max_rings` cells."""
     height, width = mask.shape
     r0, c0 = int(np.floor(row + 0.5)), int(np.floor(column + 0.5))
@@ -109,7 +114,7 @@ def nearest_square(mask, row, column, max_rings):
 
 
 @njit(cache=True)
-def nearest_square_of_many(mask, rows, columns, rings):
+def nearest_square_of_many(mask: Bools, rows: Floats, columns: Floats, rings: Ints) -> float:
     """Return the least `nearest_square` over points; `rings` bounds the search of each."""
     best = np.inf
     for i in range(len(rows)):

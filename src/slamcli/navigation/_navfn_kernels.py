@@ -8,6 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+Singles = NDArray[np.float32]
 
 OBSTACLE = 254
 NEUTRAL = 50
@@ -16,7 +22,7 @@ _SIDE = np.float32(0.707106781)
 
 
 @njit(cache=True)
-def propagate(costs, width, origin, target, potential, pending):
+def propagate(costs: Bytes, width: int, origin: int, target: int, potential: Singles, pending: Bools) -> int:
     """Let the wave grow from cell `origin` until `target` is reached; return the number of rounds.
 
     costs : uint8 (N,) traversal costs, 254 is an obstacle; potential : float32 (N,) and pending : bool (N,), both
@@ -86,7 +92,7 @@ def propagate(costs, width, origin, target, potential, pending):
 
 
 @njit(cache=True)
-def _update(left, right, up, down, toll):
+def _update(left: np.float32, right: np.float32, up: np.float32, down: np.float32, toll: np.float32) -> np.float32:
     """Return the potential that a planar wave gives a cell, from the lower neighbour of each axis."""
     low = min(left, right)
     other = min(up, down)
@@ -100,7 +106,7 @@ def _update(left, right, up, down, toll):
 
 
 @njit(cache=True)
-def _gradient(potential, width, cell):
+def _gradient(potential: Singles, width: int, cell: int) -> tuple[float, float]:
     """Return the unit vector (x, y) of descent at a cell, zeros where there is none."""
     here = potential[cell]
     dx, dy = 0.0, 0.0
@@ -131,7 +137,7 @@ def _gradient(potential, width, cell):
 
 
 @njit(cache=True)
-def _lowest_neighbour(costs, potential, width, cell):
+def _lowest_neighbour(costs: Bytes, potential: Singles, width: int, cell: int) -> int:
     """Return the cell of lowest potential among the eight around `cell`, no corner cut; `cell` where none is lower."""
     best, lowest = cell, potential[cell]
     for dy in range(-1, 2):
@@ -146,7 +152,7 @@ def _lowest_neighbour(costs, potential, width, cell):
 
 
 @njit(cache=True)
-def _clear(costs, width, x0, y0, x1, y1):
+def _clear(costs: Bytes, width: int, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Return whether a step shorter than a cell stays on free cells, the two beside a crossed corner included."""
     c0, r0 = int(np.floor(x0 + 0.5)), int(np.floor(y0 + 0.5))
     c1, r1 = int(np.floor(x1 + 0.5)), int(np.floor(y1 + 0.5))
@@ -158,7 +164,7 @@ def _clear(costs, width, x0, y0, x1, y1):
 
 
 @njit(cache=True)
-def descend(costs, potential, width, target, origin, step, out):
+def descend(costs: Bytes, potential: Singles, width: int, target: int, origin: int, step: float, out: Floats) -> int:
     """Write the way from cell `target` down to `origin` as x, y in cells to `out` (M, 2); return its length or -1.
 
     Where the gradient is flat, at the edge of what the wave reached, would leave the free cells, or does not lead
@@ -206,7 +212,9 @@ def descend(costs, potential, width, target, origin, step, out):
 
 
 @njit(cache=True)
-def _slide(costs, potential, width, cell, dx, dy, step):
+def _slide(
+    costs: Bytes, potential: Singles, width: int, cell: int, dx: float, dy: float, step: float
+) -> tuple[bool, int, float, float]:
     """Return whether one step down the bilinear gradient is possible, and the cell and offsets after it."""
     gx0, gy0 = _gradient(potential, width, cell)
     gx1, gy1 = _gradient(potential, width, cell + 1)

@@ -5,10 +5,17 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
 
 
 @njit(cache=True)
-def line_cost(levels, blocked, weight, stride, r0, c0, r1, c1):
+def line_cost(
+    levels: Bytes, blocked: Bools, weight: Floats, stride: int, r0: float, c0: float, r1: float, c1: float
+) -> float:
     """Return the sum over a line's cells of length inside times weight; inf if it touches a blocked cell.
 
     levels : uint8 (N,) flat with a border of one cell; points in rows and columns of that grid, centres at whole
@@ -57,7 +64,7 @@ def line_cost(levels, blocked, weight, stride, r0, c0, r1, c1):
 
 
 @njit(cache=True)
-def path_cost(levels, blocked, weight, stride, points):
+def path_cost(levels: Bytes, blocked: Bools, weight: Floats, stride: int, points: Floats) -> float:
     """Return the sum of `line_cost` along points (N, 2)."""
     total = 0.0
     for i in range(len(points) - 1):
@@ -68,7 +75,7 @@ def path_cost(levels, blocked, weight, stride, points):
 
 
 @njit(cache=True)
-def shortcut(levels, blocked, weight, stride, points, keep):
+def shortcut(levels: Bytes, blocked: Bools, weight: Floats, stride: int, points: Floats, keep: Bools) -> None:
     """Mark in `keep` (N,) bool the points that remain when stretches become lines that are free and cost no more."""
     count = len(points)
     along = np.zeros(count)

@@ -8,12 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
 
 SQRT2 = 1.4142135623730951
 
 
 @njit(cache=True)
-def octile(a, b, width):
+def octile(a: int, b: int, width: int) -> float:
     """Return the length of the shortest 8-connected path without obstacles between flat cells, in cells."""
     dy = abs(a // width - b // width)
     dx = abs(a % width - b % width)
@@ -21,7 +27,21 @@ def octile(a, b, width):
 
 
 @njit(cache=True)
-def search(cost, weight, blocked, width, start, goal, guided, bucket, num_buckets, g, state, parent, generation):
+def search(
+    cost: Bytes,
+    weight: Floats,
+    blocked: Bools,
+    width: int,
+    start: int,
+    goal: int,
+    guided: bool,
+    bucket: float,
+    num_buckets: int,
+    g: Floats,
+    state: Ints,
+    parent: Bytes,
+    generation: int,
+) -> float:
     """Fill `g` and `parent` until the cheapest way from `start` to `goal` is known; return its cost, inf if none.
 
     Parameters
@@ -105,7 +125,7 @@ def search(cost, weight, blocked, width, start, goal, guided, bucket, num_bucket
 
 
 @njit(cache=True)
-def trace(parent, start, goal, width):
+def trace(parent: Bytes, start: int, goal: int, width: int) -> Ints:
     """Return int64 (M,), the flat cells from `start` to `goal` by the parents that `search` left."""
     steps = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
     count = 1

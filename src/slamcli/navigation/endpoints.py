@@ -18,7 +18,7 @@ _HAIR = 1e-9
 """Cells by which a point may miss a cell's lower edge through rounding and still lie in it."""
 
 
-class PlanningFailure(PlanningError):
+class NoPathError(PlanningError):
     """There is no path, and why."""
 
     def __init__(self, message: str, status: str, nearest_m: tuple[float, float] | None, distance_m: float) -> None:
@@ -52,7 +52,7 @@ class Endpoints:
 
         Raises
         ------
-        PlanningFailure
+        NoPathError
             If one of them cannot be used.
         """
         source = self._locate(start)
@@ -96,7 +96,7 @@ class Endpoints:
                 return candidate
         return None
 
-    def _failure(self, role: str, point: Sequence[float], located: Endpoint, region: int | None) -> PlanningFailure:
+    def _failure(self, role: str, point: Sequence[float], located: Endpoint, region: int | None) -> NoPathError:
         grid, space = self._grid, self._space
         row, column = located.cell
         inside = 0 <= row < grid.height and 0 <= column < grid.width
@@ -115,7 +115,7 @@ class Endpoints:
             x, y = (float(v) for v in grid.cell_to_map([nearest])[0])
             place, distance = (x, y), math.dist((x, y), (point[0], point[1]))
             tail = f"the nearest point {what} is {x:.3f},{y:.3f}, {distance:.3f} m away"
-        return PlanningFailure(f"{role} {point[0]:g},{point[1]:g} {why}; {tail}", status, place, distance)
+        return NoPathError(f"{role} {point[0]:g},{point[1]:g} {why}; {tail}", status, place, distance)
 
     def _why_blocked(self, cost: int) -> str:
         if cost == LETHAL:

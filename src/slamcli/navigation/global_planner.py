@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from slamcli.errors import PlanningError
 from slamcli.grids.distance import least_distance
 from slamcli.navigation.costmap import NO_INFORMATION, Costmap
-from slamcli.navigation.endpoints import Endpoints, PlanningFailure
+from slamcli.navigation.endpoints import Endpoints, NoPathError
 from slamcli.navigation.grid_search import GridSearch
 from slamcli.navigation.navfn import NavFn
 from slamcli.navigation.path_shape import dense, headings, line_integral, simplify
@@ -24,7 +24,7 @@ from slamcli.navigation.search_space import Cell, SearchSpace
 Method = Literal["navfn", "dijkstra", "astar"]
 METHODS: tuple[Method, ...] = ("navfn", "dijkstra", "astar")
 
-__all__ = ["METHODS", "GlobalPlanner", "Method", "PlannedPath", "PlanningFailure"]
+__all__ = ["METHODS", "GlobalPlanner", "Method", "NoPathError", "PlannedPath"]
 
 
 class _Search(Protocol):
@@ -84,7 +84,7 @@ class GlobalPlanner:
 
         Raises
         ------
-        PlanningFailure
+        NoPathError
             If an endpoint is outside the map or blocked, or no way joins them; it knows the nearest point that would do.
         """
         source, target = self._endpoints.resolve(start, goal)
