@@ -65,7 +65,7 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(__version__, prog_name="slamcli")
 def cli() -> None:
-    r"""From a robot's recording to a map, a trajectory, a score and a path, without ROS.
+    """From a robot's recording to a map, a trajectory, a score and a path, without ROS.
 
     \b
     slamcli convert intel.clf.gz intel.mcap
@@ -74,7 +74,7 @@ def cli() -> None:
     slamcli plan -1.5,2.0 3.0,2.0 --map intel/map.yaml
 
     Exit codes: 0 done, 1 failed or a threshold missed, 2 wrong usage or input.
-    """
+    """  # noqa: D301 - click needs the backspace itself
 
 
 def main(arguments: list[str] | None = None) -> None:
