@@ -31,6 +31,13 @@ class _Search(Protocol):
     def find(self, start: Cell, goal: Cell) -> tuple[NDArray[np.float64], float]: ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Finder:
+    space: SearchSpace
+    endpoints: Endpoints
+    search: _Search
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlannedPath:
     """A path in the map frame."""
@@ -69,17 +76,14 @@ class GlobalPlanner:
         self.parameters = parameters or PlannerParameters()
         self.costmap = costmap
         self.method = method
-        self.space = SearchSpace.build(costmap, self.parameters)
-        self._endpoints = Endpoints(self.space)
         self._lethal = costmap.lethal
-        self._search: _Search = (
-            NavFn(self.space) if method == "navfn" else GridSearch(self.space, guided=method == "astar")
-        )
+        self._has_unknown = bool((costmap.costs == NO_INFORMATION).any())
+        self._finders: dict[bool, _Finder] = {}
 
     def plan(self, start: Sequence[float], goal: Sequence[float]) -> PlannedPath:
         """Return the path from `start` to `goal`, each x, y or x, y, yaw in metres and radians, map frame.
 
-        The path keeps to cells that are neither lethal nor within the inscribed radius (nor unknown, unless
+        The path keeps to cells that are neither lethal nor within the inscribed radius (nor unknown, see
         `allow_unknown`), and begins and ends exactly where it was asked to, `default_tolerance` apart.
 
         Raises
@@ -87,16 +91,41 @@ class GlobalPlanner:
         NoPathError
             If an endpoint is outside the map or blocked, or no way joins them; it knows the nearest point that would do.
         """
-        source, target = self._endpoints.resolve(start, goal)
-        cells, cost = self._search.find(source.cell, target.cell)
+        allow = self.parameters.allow_unknown
+        if allow is not None:
+            return self._plan(start, goal, allow_unknown=allow)
+        try:
+            return self._plan(start, goal, allow_unknown=False)
+        except NoPathError as known:
+            if not self._has_unknown:
+                raise
+            try:
+                return self._plan(start, goal, allow_unknown=True)
+            except NoPathError as any_way:
+                raise (known if known.status == any_way.status else any_way) from None
+
+    def _plan(self, start: Sequence[float], goal: Sequence[float], *, allow_unknown: bool) -> PlannedPath:
+        finder = self._finder(allow_unknown)
+        source, target = finder.endpoints.resolve(start, goal)
+        cells, cost = finder.search.find(source.cell, target.cell)
         path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
         if self.parameters.simplify:
-            path = simplify(self.space, path)
-        if not math.isfinite(line_integral(self.space, path)):
+            path = simplify(finder.space, path)
+        if not math.isfinite(line_integral(finder.space, path)):
             raise PlanningError(
                 f"the {self.method} path from {_show(start)} to {_show(goal)} touches an obstacle: please report this map"
             )
         return self._describe(path, cost, start, goal)
+
+    def _finder(self, allow_unknown: bool) -> _Finder:
+        """Return what plans with or without unknown cells; built when it is first needed."""
+        if allow_unknown not in self._finders:
+            space = SearchSpace.build(self.costmap, self.parameters, allow_unknown=allow_unknown)
+            search: _Search = (
+                NavFn(space) if self.method == "navfn" else GridSearch(space, guided=self.method == "astar")
+            )
+            self._finders[allow_unknown] = _Finder(space, Endpoints(space), search)
+        return self._finders[allow_unknown]
 
     def _describe(
         self, path_rc: NDArray[np.float64], cost: float, start: Sequence[float], goal: Sequence[float]

@@ -79,7 +79,7 @@ def traversal_costs(space: SearchSpace) -> NDArray[np.uint8]:
     parameters = space.parameters
     cost = np.minimum((parameters.neutral_cost + parameters.cost_factor * value).astype(np.int64), kernels.OBSTACLE - 1)
     cost[INSCRIBED:] = kernels.OBSTACLE
-    if parameters.allow_unknown:
+    if not space.blocked[NO_INFORMATION]:
         cost[NO_INFORMATION] = kernels.OBSTACLE - 1
     return cost.astype(np.uint8)
 

@@ -23,7 +23,12 @@ ORIENTATION_MODES = (
 class PlannerParameters:
     """What a planner does with the costmap."""
 
-    allow_unknown: bool = parameter(True, "Plan through unknown cells, at the greatest cost that is not an obstacle.")
+    allow_unknown: bool | None = parameter(
+        None,
+        "Plan through unknown cells, at the greatest cost that is not an obstacle (navfn's default is true). auto: only"
+        " where no way through known cells exists, and said so.",
+        kind=bool,
+    )
     default_tolerance: float = parameter(
         0.0,
         "How far from the goal the path may end, in x and in y, if the goal itself cannot be reached.",

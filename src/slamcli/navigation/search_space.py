@@ -32,13 +32,13 @@ class SearchSpace:
     """int32 (H, W): 0 on blocked cells, else a number that cells share if a path joins them."""
 
     @classmethod
-    def build(cls, costmap: Costmap, parameters: PlannerParameters) -> SearchSpace:
+    def build(cls, costmap: Costmap, parameters: PlannerParameters, *, allow_unknown: bool = True) -> SearchSpace:
         """Prepare a costmap for any number of searches."""
         value = np.arange(256, dtype=np.float64)
         weight = (parameters.neutral_cost + parameters.cost_factor * value) / parameters.neutral_cost
         weight[NO_INFORMATION] = weight[INSCRIBED]
         blocked = value >= INSCRIBED
-        blocked[NO_INFORMATION] = not parameters.allow_unknown
+        blocked[NO_INFORMATION] = not allow_unknown
         levels = np.pad(costmap.costs, 1, constant_values=INSCRIBED + 1)
         # A diagonal step needs both cells beside it, so what hangs together does so by its sides.
         regions, _ = ndimage.label(~blocked[costmap.costs], output=np.int32)
