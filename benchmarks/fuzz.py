@@ -44,6 +44,7 @@ from fuzz_mutations import mutate
 TIME_LIMIT_S = 20
 GROWTH_LIMIT_BYTES = 1_000_000_000
 ADDRESS_SPACE_BYTES = 8_000_000_000
+RESTART = 9  # how a worker ends that has grown: peak memory never falls again
 
 
 class HangError(BaseException):
@@ -72,6 +73,8 @@ def main() -> int:
     done = 0
     while done < options.cases:
         record = lines.get()
+        if "stop" in record:
+            sys.exit(record["stop"])
         done += 1
         results[f"{record['kind']}: {record['result']}"] += 1
         if record["result"] == "failure":
@@ -95,17 +98,22 @@ def supervise(options: argparse.Namespace, job: int, lines: queue.Queue[dict[str
         command = [sys.executable, __file__, *sys.argv[1:], "--worker", f"{case}:{last}:{options.jobs}"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as worker:
             watchdog = threading.Timer(0, lambda: None)
+            ready = False
             assert worker.stdout is not None
             for line in worker.stdout:
                 watchdog.cancel()
                 record = json.loads(line)
+                ready = True
                 if "ready" not in record:
                     lines.put(record)
                     case = record["case"] + options.jobs
                 watchdog = threading.Timer(2 * TIME_LIMIT_S, worker.kill)
                 watchdog.start()
             watchdog.cancel()
-        if case < last and worker.returncode != 0:
+        if not ready:
+            lines.put({"stop": "a worker did not start: run this script with --worker 0:1:1 to see why"})
+            return
+        if case < last and worker.returncode not in (0, RESTART):
             why = f"the process ended with {worker.returncode} (killed after {2 * TIME_LIMIT_S} s, or crashed)"
             lines.put({"case": case, "kind": "?", "command": "?", "result": "failure", "why": why})
             case += options.jobs
@@ -126,15 +134,8 @@ def work(options: argparse.Namespace, case: int, last: int, step: int) -> int:
             print(json.dumps(record), file=out, flush=True)
             case += step
             if record.get("grown"):
-                return 3 if case >= last else restart(case, last, step)
+                return RESTART
     return 0
-
-
-def restart(case: int, last: int, step: int) -> int:
-    """Begin anew in a fresh process: peak memory never falls."""
-    arguments = [a for a in sys.argv[1:] if a != "--worker"]
-    arguments = arguments[:-1] if sys.argv[-2] == "--worker" else arguments
-    os.execv(sys.executable, [sys.executable, __file__, *arguments, "--worker", f"{case}:{last}:{step}"])
 
 
 def run_case(case: int, options: argparse.Namespace, corpus: list[Any], folder: Path) -> dict[str, Any]:
@@ -171,7 +172,7 @@ def run_command(command: tuple[str, ...], path: Path, out: Path) -> tuple[int, s
 
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
-    arguments = [word.format(input=path, out=out, name=path.name) for word in command]
+    arguments = [word.format(input=path, out=out, dir=path.parent) for word in command]
     stdout, stderr = io.StringIO(), io.StringIO()
     with alarm(TIME_LIMIT_S), warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -58,7 +58,7 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("evaluate", "{input}", "{input}", "--json"),
         ("view", "{input}", "-o", "{out}/picture.png"),
     ],
-    "relations": [("evaluate", "{input}/../truth.tum", "{input}", "--json")],
+    "relations": [("evaluate", "{dir}/truth.tum", "{input}", "--json")],
     "launch": [
         ("config", "check", "{input}", "--json"),
         ("config", "show", "--config", "{input}", "--json"),
@@ -69,11 +69,11 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
     ],
     "costmap": [
         ("config", "check", "{input}", "--json"),
-        ("plan", "-0.5,-0.5", "0.5,0.5", "--map", "{input}/../room.yaml", "--costmap", "{input}", "-o", "{out}/path"),
+        ("plan", "-0.5,-0.5", "0.5,0.5", "--map", "{dir}/room.yaml", "--costmap", "{input}", "-o", "{out}/path"),
     ],
     "world": [("generate", "{input}", "{out}/drive.mcap", "--duration", "1")],
-    "pairs": [("plan", "--pairs", "{input}", "--map", "{input}/../room.yaml", "--robot-radius", "0")],
-    "urdf": [("info", "{input}/../plain.mcap", "--urdf", "{input}")],
+    "pairs": [("plan", "--pairs", "{input}", "--map", "{dir}/room.yaml", "--robot-radius", "0")],
+    "urdf": [("info", "{dir}/plain.mcap", "--urdf", "{input}")],
 }
 
 
@@ -107,8 +107,8 @@ def _bags(folder: Path) -> list[Input]:
     from slamcli.recordings import create_recording
 
     inputs = []
-    for name, format, compression in variants:
-        with create_recording(folder / name, format=format, compression=compression) as recording:
+    for name, container, compression in variants:
+        with create_recording(folder / name, format=container, compression=compression) as recording:
             _record(recording)
         inputs.append(Input("bag", folder / name))
     return inputs
@@ -144,7 +144,7 @@ def _record(recording: object) -> None:
         write("/scan", _scan(stamp, 40, 0.3 * k))
         write(
             "/imu",
-            ImuSample(stamp_ns=stamp, frame_id="imu", angular_rad_s=np.zeros(3), linear_m_s2=np.array([0, 0, 9.81])),
+            ImuSample(stamp_ns=stamp, frame_id="imu", angular_rad_s=np.zeros(3), acceleration_m_s2=np.array([0, 0, 9.81])),
         )
         write("/pose", StampedPose(stamp_ns=stamp, frame_id="map", position_m=position, quat_xyzw=identity))
     write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=np.ones((20, 3), dtype=np.float32)))
@@ -191,7 +191,7 @@ def _maps(folder: Path) -> list[Input]:
     data[[0, -1], :] = data[:, [0, -1]] = 100
     data[20, 8:30] = 100
     data[5:8, 5:8] = -1
-    grid = OccupancyGrid(data=data, resolution_m=0.05, origin=(-1.0, -1.0, 0.0))
+    grid = OccupancyGrid(cells=data, resolution_m=0.05, origin=(-1.0, -1.0, 0.0))
     write_map(folder / "room.yaml", grid)
     write_map(folder / "scale.yaml", grid, mode="scale")
     image = folder / "room.pgm"
