@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,15 +26,29 @@ class Topic:
     latched: bool = False
     qos: str = ""
     """QoS profiles as the container holds them (ROS 2), carried through conversions."""
+    definition_format: str = "msg"
+    """``msg`` or ``idl``: the language of `definition`."""
+    digest: str = ""
+    """MD5 sum (ROS 1) or RIHS01 hash (ROS 2) of the type as the container holds it, empty where it holds none."""
+    publisher: str = ""
+    """Name of the node that published it (ROS 1), empty where unknown or where there were several."""
 
 
-@dataclass(frozen=True, slots=True)
-class RawMessage:
-    """One message, undecoded."""
+class RawMessage(NamedTuple):
+    """One message, undecoded.
+
+    A tuple, because recordings hold millions of them. `data` is its own copy: keeping it keeps nothing else alive.
+    """
 
     topic: str
     log_time_ns: int
     data: bytes | memoryview
+    channel: int = -1
+    """Index into `Contents.topics`; -1 where only the name is known (a name may stand there with two types)."""
+    sequence: int = 0
+    """The publisher's counter: MCAP's message sequence, ``Header.seq`` of ROS 1 where a conversion kept it."""
+    publish_time_ns: int | None = None
+    """When it was sent, where the container tells that apart from `log_time_ns`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT
-"""Figures, tables and the HTML report."""
+"""What a person sees of a finished result: pictures, charts, tables and the report page."""

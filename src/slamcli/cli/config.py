@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: MIT
+"""``slamcli config``: resolved parameters, and a lint of native configuration files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from slamcli.cli.console import Console, print_json
+from slamcli.cli.options import json_option
+
+if TYPE_CHECKING:
+    from slamcli.native.checks import Finding
+    from slamcli.pipelines.config import ResolvedParameter
+
+
+@click.group()
+def command() -> None:
+    """Show resolved parameters; check native configuration files."""
+
+
+@command.command("show")
+@click.option("--algo", default="gmapping", show_default=True, help="SLAM system whose parameters to show.")
+@click.option(
+    "--config",
+    "files",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Native file of the system (launch, YAML); may be given several times, later ones win.",
+)
+@click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="One parameter under its native name.")
+@click.option(
+    "--arg", "arguments", multiple=True, metavar="NAME:=VALUE", help="Value for an argument of a launch file."
+)
+@click.option("--changed", is_flag=True, help="Only parameters that were given.")
+@json_option
+def show_command(
+    algo: str, files: Sequence[Path], sets: Sequence[str], arguments: Sequence[str], changed: bool, as_json: bool
+) -> int:
+    """Print every parameter with its value, unit, range, default and source.
+
+    Values come from the defaults, over them the files in their order, over them --set.
+    """
+    from slamcli.pipelines.config import load_native, show
+    from slamcli.runtime import RunLog
+
+    log = RunLog()
+    config = load_native(algo, files, sets, log, _launch_arguments(arguments))
+    rows = [row for row in show(config) if row.source != "default" or not changed]
+    with Console() as console:
+        console.tell(log)
+    if as_json:
+        print_json(
+            {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(config.remaps)},
+        )
+    else:
+        _print_table(rows)
+    return 0
+
+
+@command.command("check")
+@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
+@click.option("--beams", type=click.IntRange(min=1), help="Beams of your scanner, for parameters that depend on it.")
+@click.option("--strict", is_flag=True, help="Exit with 1 for warnings as well.")
+@json_option
+def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_json: bool) -> int:
+    """Say what is wrong with native files: launch files, ROS parameter YAML, map YAML.
+
+    An error is what the real system refuses or ignores: an unknown name, a wrong type, a value out of range. A warning
+    is a value that does not do what it seems to. Exits with 1 if there is an error.
+    """
+    from slamcli.pipelines.config import check
+
+    findings = check(files, beams)
+    counts = {kind: sum(f.severity == kind for f in findings) for kind in ("error", "warning", "note")}
+    if as_json:
+        print_json({"findings": [_as_finding(finding) for finding in findings], "counts": counts})
+    else:
+        for finding in findings:
+            click.echo(f"{finding.place}: {finding.severity}: {finding.message}")
+        click.echo(f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes", err=True)
+    return 1 if counts["error"] or (strict and counts["warning"]) else 0
+
+
+def _launch_arguments(texts: Sequence[str]) -> dict[str, str]:
+    arguments = {}
+    for text in texts:
+        name, separator, value = text.partition(":=")
+        if not separator or not name:
+            raise click.BadParameter(f"{text!r}: write NAME:=VALUE", param_hint="--arg")
+        arguments[name] = value
+    return arguments
+
+
+def _as_finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "severity": finding.severity,
+        "file": finding.file,
+        "line": finding.line or None,
+        "message": finding.message,
+    }
+
+
+def _as_record(row: ResolvedParameter) -> dict[str, Any]:
+    entry = row.declaration
+    return {
+        "name": entry.name,
+        "value": row.value,
+        "source": row.source,
+        "changed": row.changed,
+        "default": entry.default,
+        "type": entry.kind.__name__,
+        "unit": entry.unit,
+        "minimum": entry.minimum,
+        "maximum": entry.maximum,
+        "choices": list(entry.choices),
+        "effective": entry.effective,
+        "extension": entry.extension,
+        "help": entry.help,
+    }
+
+
+def _print_table(rows: Sequence[ResolvedParameter]) -> None:
+    from rich.console import Console as RichConsole
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for heading in ("parameter", "value", "unit", "default", "range", "source", "meaning"):
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        entry = row.declaration
+        mark = "*" if row.changed else ""
+        style = "bold" if row.changed else ""
+        table.add_row(
+            Text(entry.name, style),
+            Text(_text(row.value) + mark, style),
+            Text(entry.unit),
+            Text(_text(entry.default)),
+            Text(bounds(entry.minimum, entry.maximum, entry.choices)),
+            Text(row.source, style),
+            Text(entry.help),
+        )
+    RichConsole(soft_wrap=False).print(table)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "auto"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def bounds(minimum: float | None, maximum: float | None, choices: Sequence[str]) -> str:
+    """Return the range of a parameter in words."""
+    if choices:
+        return " | ".join(choices)
+    if minimum is None and maximum is None:
+        return ""
+    if maximum is None:
+        return f"≥ {minimum:g}"
+    return f"≤ {maximum:g}" if minimum is None else f"{minimum:g} … {maximum:g}"

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: MIT
+"""Finds out what a native file configures and runs the checks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+from slamcli.errors import ConfigError
+from slamcli.native.checks.costmap import check_costmap
+from slamcli.native.checks.findings import ERROR, NOTE, Finding, at, below, check_declared
+from slamcli.native.checks.gmapping import check_gmapping
+from slamcli.native.checks.map_yaml import check_map_yaml
+from slamcli.native.checks.navigation import PLANNERS, check_amcl, check_move_base
+from slamcli.native.launch import LaunchNode, read_launch
+from slamcli.native.ros_parameters.costmap import COSTMAP, LAYERS, PRE_HYDRO
+from slamcli.native.ros_yaml import read_ros_yaml
+from slamcli.native.settings import Setting, merge
+from slamcli.parameters import Declaration
+
+Check = Callable[[Mapping[str, Setting]], Iterator[Finding]]
+
+# Executables by the package that has them, where a wrong package is a known mistake.
+_PACKAGES = {
+    "slam_gmapping": "gmapping",
+    "map_server": "map_server",
+    "map_saver": "map_server",
+    "amcl": "amcl",
+    "move_base": "move_base",
+    "cartographer_node": "cartographer_ros",
+    "cartographer_occupancy_grid_node": "cartographer_ros",
+}
+_COSTMAP_KEYS = {e.name for e in (*COSTMAP, *PRE_HYDRO)} | set(LAYERS) | {"footprint", "plugins"}
+
+
+def check_file(path: Path, gmapping: tuple[Declaration, ...], beams: int | None = None) -> tuple[Finding, ...]:
+    """Return what is wrong with one native file, in the order of its lines.
+
+    Parameters
+    ----------
+    path
+        A launch file (``.launch``, ``.xml``) or ROS parameter YAML, or a map's YAML.
+    gmapping
+        The declarations of the gmapping tier.
+    beams
+        The number of beams of the scanner that will be used, if known.
+    """
+
+    def check_node(settings: Mapping[str, Setting]) -> Iterator[Finding]:
+        yield from check_declared(settings, gmapping, "slam_gmapping")
+        yield from check_gmapping(settings, beams)
+
+    try:
+        found = list(_check(path, check_node))
+    except ConfigError as error:
+        return (_from_error(path, error),)
+    unique = dict.fromkeys(found)
+    return tuple(sorted(unique, key=lambda finding: (finding.file != str(path), finding.file, finding.line)))
+
+
+def _check(path: Path, gmapping: Check) -> Iterator[Finding]:
+    suffix = path.suffix.lower()
+    if suffix in (".launch", ".xml"):
+        return _check_launch(path, gmapping)
+    if suffix in (".yaml", ".yml"):
+        return _check_yaml(merge(read_ros_yaml(path)), path, gmapping)
+    if suffix in (".lua", ".ini") and path.is_file():
+        return iter([Finding(NOTE, str(path), 0, f"not checked: no system that is here reads {suffix} files")])
+    raise ConfigError(
+        f"{path}: launch files (.launch, .xml) and .yaml are checked, not {suffix or 'files without suffix'}"
+    )
+
+
+def _from_error(path: Path, error: ConfigError) -> Finding:
+    text = str(error)
+    head, _, message = text.partition(": ")
+    file, _, line = head.rpartition(":")
+    if line.isdigit():
+        return Finding(ERROR, file, int(line), message)
+    return Finding(ERROR, str(path), 0, message if head == str(path) else text)
+
+
+def _check_launch(path: Path, gmapping: Check) -> Iterator[Finding]:
+    launch = read_launch(path)
+    checks: dict[str, Check] = {"slam_gmapping": gmapping, "amcl": check_amcl, "move_base": check_move_base}
+    for node in launch.nodes:
+        yield from _check_package(node)
+        if node.type in checks:
+            yield from checks[node.type](node.params)
+        elif node.params:
+            yield Finding(NOTE, node.file, node.line, f"the parameters of {node.package}/{node.type} are not checked")
+    for note in launch.notes:
+        place, _, message = note.partition(": ")
+        file, _, line = place.rpartition(":")
+        yield Finding(NOTE, file, int(line), message)
+
+
+def _check_package(node: LaunchNode) -> Iterator[Finding]:
+    right = _PACKAGES.get(node.type)
+    if right is not None and node.package != right:
+        message = f"{node.type} is in package {right!r}: with pkg={node.package!r} roslaunch does not start it"
+        yield Finding(ERROR, node.file, node.line, message)
+
+
+def _check_yaml(settings: Mapping[str, Setting], path: Path, gmapping: Check) -> Iterator[Finding]:
+    heads = {name.partition("/")[0] for name in settings}
+    if not settings:
+        yield Finding(NOTE, str(path), 0, "holds no parameters")
+    elif "image" in heads and ("resolution" in heads or "occupied_thresh" in heads or "origin" in heads):
+        yield from check_map_yaml(settings)
+    elif heads & {"global_costmap", "local_costmap", *PLANNERS, "base_local_planner", "recovery_behaviors"}:
+        yield from check_move_base(settings)
+    elif heads <= {"amcl"}:
+        yield from check_amcl(below(settings, "amcl"))
+    elif heads <= {"slam_gmapping"}:
+        yield from gmapping(below(settings, "slam_gmapping"))
+    else:
+        yield from _guess(settings, heads, gmapping, path)
+
+
+def _guess(settings: Mapping[str, Setting], heads: set[str], gmapping: Check, path: Path) -> Iterator[Finding]:
+    """Take the reader that knows most of the names, if it knows half of them."""
+    candidates: dict[str, tuple[Check, list[Finding]]] = {
+        "costmap_2d": (lambda s: check_costmap(s, partial=True), []),
+        "slam_gmapping": (gmapping, []),
+        "amcl": (check_amcl, []),
+        "move_base": (check_move_base, []),
+    }
+    scores = {}
+    for name, (check, found) in candidates.items():
+        found.extend(check(settings))
+        scores[name] = sum("unknown parameter" in finding.message for finding in found)
+    best = min(scores, key=lambda name: scores[name])
+    if scores[best] * 2 > len(settings):
+        yield Finding(NOTE, str(path), 0, f"not checked: no known node reads {', '.join(sorted(heads)[:3])}")
+        return
+    yield at(next(iter(settings.values())), NOTE, f"checked as parameters of {best}")
+    yield from candidates[best][1]

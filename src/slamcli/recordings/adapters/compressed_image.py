@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: MIT
+"""sensor_msgs/CompressedImage: JPEG and PNG, and compressed_depth_image_transport's depth."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import DataError
+from slamcli.measurements import Image
+from slamcli.recordings.adapters.adapter import Adapter
+from slamcli.recordings.adapters.context import DecodeContext
+from slamcli.recordings.adapters.image import MILLIMETRES_PER_M, to_metres
+from slamcli.recordings.adapters.messages import MessageFactory
+
+_MAX_PIXELS = 100_000_000
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+# compressed_depth_image_transport: int32 format, float32 A, float32 B, then the PNG.
+_DEPTH_HEADER = struct.Struct("<iff")
+
+
+def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Image]:
+    data = np.asarray(message.data, dtype=np.uint8).tobytes()
+    if "compresseddepth" in message.format.lower() or context.topic.endswith("/compressedDepth"):
+        encoding, pixels = "depth", _depth(message.format, data, context)
+    else:
+        encoding, pixels = _camera(_uncompress(data), context)
+    image = Image(
+        stamp_ns=stamp_ns,
+        frame_id=context.frame(message.header.frame_id),
+        encoding=encoding,
+        pixels=pixels,
+        topic=context.topic,
+    )
+    return (image,)
+
+
+def _camera(raw: NDArray[Any], context: DecodeContext) -> tuple[str, NDArray[Any]]:
+    """Return encoding and pixels of an uncompressed image: OpenCV's order is blue, green, red."""
+    if raw.ndim == 2 and raw.dtype == np.uint16:
+        return "depth", to_metres(raw, context)
+    if raw.dtype == np.uint16:
+        raw = (raw >> 8).astype(np.uint8)
+    if raw.dtype != np.uint8:
+        raise DataError(f"compressed image of {raw.dtype} pixels is not decoded")
+    if raw.ndim == 2:
+        return "mono8", raw
+    return "bgr8", np.ascontiguousarray(raw[..., :3])
+
+
+def _depth(format: str, data: bytes, context: DecodeContext) -> NDArray[np.float32]:
+    """Return the depth in metres of a compressedDepth message."""
+    if len(data) <= _DEPTH_HEADER.size:
+        raise DataError(f"compressed depth of {len(data)} bytes")
+    payload = data[_DEPTH_HEADER.size :]
+    if "rvl" in format.lower() or payload[:8] != _PNG_MAGIC:
+        raise DataError(f"compressed depth of format {format!r}: only PNG is decoded")
+    raw = _uncompress(payload)
+    if raw.ndim != 2 or raw.dtype not in (np.uint8, np.uint16):
+        raise DataError(f"compressed depth of {raw.dtype} pixels of shape {raw.shape}")
+    if not format.startswith("32FC1"):
+        return to_metres(raw, context)
+    # Inverse depth, quantised: depth = A / (value - B), 0 for no reading.
+    _, a, b = _DEPTH_HEADER.unpack_from(data)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.float32(a) / (raw.astype(np.float32) - np.float32(b))
+    depth[(raw == 0) | ~np.isfinite(depth)] = np.nan
+    return depth / np.float32(context.mends.depth_units_per_m or 1.0)
+
+
+def _uncompress(data: bytes) -> NDArray[Any]:
+    """Return the pixels of a JPEG or PNG file as they lie in it.
+
+    Raises
+    ------
+    DataError
+        If it is damaged, or claims more pixels than any camera has.
+    """
+    import cv2
+
+    width, height = image_size(data)
+    if width * height > _MAX_PIXELS:
+        raise DataError(f"compressed image of {width} x {height} pixels is larger than any camera's")
+    try:
+        raw = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise DataError(f"compressed image of {len(data)} bytes is damaged") from error
+    if raw is None:
+        raise DataError(f"compressed image of {len(data)} bytes is no image, or damaged")
+    return np.asarray(raw)
+
+
+def image_size(data: bytes) -> tuple[int, int]:
+    """Return width and height that a PNG or JPEG file claims, (0, 0) for another or damaged one."""
+    if data[:8] == _PNG_MAGIC and len(data) >= 24:
+        width, height = struct.unpack_from(">II", data, 16)
+        return int(width), int(height)
+    position = 2
+    while data[:2] == b"\xff\xd8" and position + 9 <= len(data):
+        marker = data[position + 1]
+        if data[position] != 0xFF or marker == 0xDA:
+            break
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):  # a start of frame
+            height, width = struct.unpack_from(">HH", data, position + 5)
+            return int(width), int(height)
+        position += 1 if marker == 0xFF else 2 + int.from_bytes(data[position + 2 : position + 4], "big")
+    return 0, 0
+
+
+def _encode(image: Image, messages: MessageFactory) -> Any:
+    import cv2
+
+    header = messages.header(image.stamp_ns, image.frame_id)
+    if image.encoding == "depth":
+        depth = np.nan_to_num(
+            np.asarray(image.pixels, dtype=np.float64) * MILLIMETRES_PER_M, nan=0.0, posinf=0.0, neginf=0.0
+        )
+        millimetres = np.clip(np.rint(depth), 0, 65535).astype(np.uint16)
+        _, png = cv2.imencode(".png", millimetres)
+        data = np.concatenate([np.frombuffer(_DEPTH_HEADER.pack(0, 0.0, 0.0), dtype=np.uint8), np.asarray(png)])
+        return messages.make("sensor_msgs/msg/CompressedImage", header, "16UC1; compressedDepth png", data)
+    pixels = np.asarray(image.pixels)
+    if image.encoding == "rgb8":
+        pixels = pixels[..., ::-1]
+    _, jpeg = cv2.imencode(".jpg", np.ascontiguousarray(pixels), [cv2.IMWRITE_JPEG_QUALITY, 95])
+    compressed = "mono8; jpeg compressed mono8" if image.encoding == "mono8" else "bgr8; jpeg compressed bgr8"
+    return messages.make("sensor_msgs/msg/CompressedImage", header, compressed, np.asarray(jpeg))
+
+
+ADAPTER = Adapter(msgtypes=("sensor_msgs/msg/CompressedImage",), produces=Image, decode=_decode, encode=_encode)

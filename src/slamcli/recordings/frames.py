@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""The frame tree of a recording: every static transform first, then /tf."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from slamcli.errors import SlamcliError
+from slamcli.geometry.frame_tree import FrameTree, FrameTreeBuilder
+from slamcli.recordings.adapters import DecodeContext
+from slamcli.recordings.adapters.tf_message import ADAPTER as TF_ADAPTER
+from slamcli.recordings.adapters.tf_message import is_static_topic
+
+if TYPE_CHECKING:
+    from slamcli.recordings.raw import Topic
+    from slamcli.recordings.recording import Recording
+
+
+def transform_topics(recording: Recording) -> tuple[tuple[Topic, ...], tuple[Topic, ...]]:
+    """Return the topics of static and of stamped transforms (TFMessage)."""
+    found = [topic for topic in recording.contents.topics if topic.msgtype in TF_ADAPTER.msgtypes]
+    static = tuple(topic for topic in found if is_static_topic(topic.name))
+    return static, tuple(topic for topic in found if topic not in static)
+
+
+def read_frames(recording: Recording, *, max_messages: int | None = None) -> FrameTree:
+    """Return the frame tree of a recording with its mends.
+
+    Parameters
+    ----------
+    max_messages
+        Read at most that many messages of /tf (for a quick look at a big file); None for all.
+    """
+    builder = FrameTreeBuilder()
+    static, stamped = transform_topics(recording)
+    for topics, is_static in ((static, True), (stamped, False)):
+        if not topics:
+            continue
+        contexts = {topic.name: DecodeContext(topic.name, recording.mends, recording.log) for topic in topics}
+        for number, message in enumerate(recording.raw.messages(tuple(contexts))):
+            if max_messages is not None and number >= max_messages:
+                break
+            context = contexts[message.topic]
+            try:
+                transforms = recording.raw.decode(message).transforms
+                for transform in transforms:
+                    _add(builder, transform, message.log_time_ns, context, is_static)
+            except (SlamcliError, ValueError, AttributeError, TypeError):
+                context.count("messages that cannot be decoded")
+    for given in recording.mends.static_transforms:
+        builder.override(given.parent_frame_id, given.child_frame_id, given.position_m, given.quat_xyzw)
+    for joint in recording.mends.model_transforms:
+        builder.fall_back(joint.parent_frame_id, joint.child_frame_id, joint.position_m, joint.quat_xyzw)
+    tree = builder.build()
+    for problem in tree.problems:
+        recording.log.warn(f"tf: {problem}")
+    return tree
+
+
+def _add(builder: FrameTreeBuilder, message: Any, log_time_ns: int, context: DecodeContext, is_static: bool) -> None:
+    parent, child = context.frame(message.header.frame_id), context.frame(message.child_frame_id)
+    t, q = message.transform.translation, message.transform.rotation
+    position, quat = (t.x, t.y, t.z), (q.x, q.y, q.z, q.w)
+    if not (math.isfinite(sum(position)) and math.isfinite(sum(quat)) and child):
+        context.count("transforms that are not finite or name no frame")
+        return
+    if is_static:
+        builder.add_static(parent, child, position, quat)
+    else:
+        stamp_ns = context.stamp_ns(message.header.stamp, log_time_ns + context.offset_ns)
+        builder.add(parent, child, stamp_ns, position, quat)

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: MIT
+"""A recording as measurements: topics merged by header stamp, frames, and the mends applied while reading."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from slamcli.errors import RecordingError, SlamcliError, UsageError
+from slamcli.geometry.frame_tree import FrameTree
+from slamcli.measurements import FrameTransform
+from slamcli.recordings.adapters import Adapter, DecodeContext, adapter_for, msgtypes_of
+from slamcli.recordings.frames import read_frames
+from slamcli.recordings.mends import Mends
+from slamcli.recordings.raw import Contents, RawMessage, RawReader, Topic
+from slamcli.recordings.stamps import StampCheck, merge_by_stamp, stamp_reader
+from slamcli.runtime import RunLog
+
+T = TypeVar("T")
+
+# What decoding bytes that are not what their type says can raise.
+_GARBAGE = (SlamcliError, ValueError, struct.error, IndexError, KeyError, TypeError, AttributeError, OverflowError)
+
+
+def open_recording(
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    mends: Mends | None = None,
+    log: RunLog | None = None,
+) -> Recording:
+    """Open a recording (one path, or several split files that belong together) to read its measurements.
+
+    Raises
+    ------
+    RecordingError
+        If a file is missing, or is no recording.
+    """
+    from slamcli.recordings.containers import open_raw
+
+    log = log if log is not None else RunLog()
+    listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+    return Recording(open_raw([Path(path) for path in listed], log), mends=mends or Mends(), log=log)
+
+
+class Recording:
+    """A recording that is open for reading; a context manager.
+
+    Within a topic measurements come as they were recorded. Stamps that run backwards or repeat are counted in the log
+    and kept; stamps that are unset (0) are replaced by the log time, said aloud.
+    """
+
+    def __init__(self, raw: RawReader, *, mends: Mends, log: RunLog) -> None:
+        self.raw = raw
+        self.mends = mends
+        self.log = log
+        self._frames: FrameTree | None = None
+        self._told_damage = False
+
+    @property
+    def contents(self) -> Contents:
+        """What lies in the container."""
+        return self.raw.contents
+
+    @property
+    def name(self) -> str:
+        """Name of the first file, for messages."""
+        return self.contents.paths[0].name if self.contents.paths else "recording"
+
+    @property
+    def start_ns(self) -> int:
+        """Log time of the first message, 0 for an empty recording."""
+        return self.contents.start_ns or 0
+
+    @property
+    def end_ns(self) -> int:
+        """Log time of the last message, 0 for an empty recording."""
+        return self.contents.end_ns or 0
+
+    def topics(self, kind: type) -> tuple[Topic, ...]:
+        """Return the topics that decode to a measurement type, in the order of the container."""
+        msgtypes = msgtypes_of(kind)
+        return tuple(topic for topic in self.contents.topics if topic.msgtype in msgtypes)
+
+    def topic(self, name: str, kind: type | None = None) -> Topic:
+        """Return a topic by name (a leading slash may be left out), checked to decode to `kind`.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such topic, it is empty, or its type does not fit; the message names the topics that would.
+        """
+        known = {topic.name: topic for topic in self.contents.topics}
+        topic = known.get(name) or known.get(f"/{name}") or known.get(name.lstrip("/"))
+        if topic is None:
+            raise RecordingError(f"{self.name}: no topic {name!r}; {self._would_fit(name, kind)}")
+        adapter = adapter_for(topic.msgtype)
+        if adapter is None or (kind is not None and adapter.produces is not kind):
+            wanted = f", not {kind.__name__}" if kind is not None else ", which slamcli does not decode"
+            raise RecordingError(
+                f"{self.name}: topic {topic.name} is {_short(topic.msgtype)}{wanted}; {self._would_fit(name, kind)}"
+            )
+        if topic.count == 0:
+            raise RecordingError(f"{self.name}: topic {topic.name} is empty; {self._would_fit(name, kind)}")
+        return topic
+
+    def measurements(
+        self, topics: Iterable[str | Topic], *, start_s: float | None = None, duration_s: float | None = None
+    ) -> Iterator[Any]:
+        """Return an iterator over the measurements of topics, merged by header stamp with constant memory.
+
+        Parameters
+        ----------
+        topics
+            Topics, or their names.
+        start_s, duration_s
+            Part of the recording, in seconds of log time from its start; found by seeking.
+
+        Raises
+        ------
+        RecordingError
+            If a topic is missing, empty or of a type that is not decoded.
+        UsageError
+            If the part lies outside of the recording.
+        """
+        chosen = [self.topic(topic if isinstance(topic, str) else topic.name) for topic in topics]
+        start_ns, stop_ns = self.window(start_s, duration_s)
+        return self._stream({topic.name: _TopicDecoder(topic, self) for topic in chosen}, start_ns, stop_ns)
+
+    def frames(self) -> FrameTree:
+        """Return the tree of all transforms in the recording, the mends among them; read once, then kept."""
+        if self._frames is None:
+            self._frames = read_frames(self)
+        return self._frames
+
+    def window(self, start_s: float | None, duration_s: float | None) -> tuple[int | None, int | None]:
+        """Return the log times (from, before) of a part of the recording, None for its own limits.
+
+        Raises
+        ------
+        UsageError
+            If the part is empty.
+        """
+        length_s = (self.end_ns - self.start_ns) / 1e9
+        if start_s is not None and not 0 <= start_s <= length_s:
+            raise UsageError(f"--start {start_s:g}: {self.name} lasts {length_s:.1f} s")
+        if duration_s is not None and not duration_s > 0:
+            raise UsageError(f"--duration {duration_s:g}: must be more than 0 s")
+        first = self.start_ns + round((start_s or 0.0) * 1e9)
+        start_ns = None if start_s is None else first
+        stop_ns = None if duration_s is None or duration_s > 1e9 else first + round(duration_s * 1e9)
+        return start_ns, stop_ns
+
+    def _stream(self, decoders: dict[str, _TopicDecoder], start_ns: int | None, stop_ns: int | None) -> Iterator[Any]:
+        stamped = ((decoders[m.topic].stamp_ns(m), m) for m in self.raw.messages(tuple(decoders), start_ns, stop_ns))
+        ordered = stamped if len(decoders) == 1 else merge_by_stamp(stamped)
+        try:
+            for stamp_ns, message in ordered:
+                yield from decoders[message.topic].decode(message, stamp_ns)
+        finally:
+            for decoder in decoders.values():
+                decoder.tell()
+            for damage in self.contents.damage:
+                self.log.warn(damage)
+
+    def _would_fit(self, name: str, kind: type | None) -> str:
+        """Return which topics could have been meant."""
+        fitting = [
+            topic
+            for topic in self.contents.topics
+            if topic.count != 0
+            and (topic.msgtype in msgtypes_of(kind) if kind is not None else adapter_for(topic.msgtype) is not None)
+        ]
+        if not fitting:
+            what = kind.__name__ if kind is not None else "usable"
+            held = ", ".join(f"{topic.name} ({_short(topic.msgtype)})" for topic in self.contents.topics[:12])
+            return f"the recording has no {what} topic (it has {held or 'no topics at all'})"
+        near = difflib.get_close_matches(name, [topic.name for topic in fitting], n=1, cutoff=0.75)
+        listed = ", ".join(f"{topic.name} ({_short(topic.msgtype)})" for topic in fitting[:12])
+        meant = f"did you mean {near[0]}? " if near else ""
+        return f"{meant}it could be one of: {listed}"
+
+    def __enter__(self) -> Self:
+        self.raw.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.raw.__exit__(kind, error, trace)
+
+
+class _TopicDecoder:
+    """Stamps and decodes the messages of one topic, and keeps book of what was wrong with them."""
+
+    def __init__(self, topic: Topic, recording: Recording) -> None:
+        adapter = adapter_for(topic.msgtype)
+        if adapter is None:
+            raise RecordingError(f"topic {topic.name}: {_short(topic.msgtype)} is not decoded")
+        self._adapter: Adapter = adapter
+        self._decode_raw = recording.raw.decode
+        self._read_stamp = stamp_reader(adapter.stamp_path, topic.encoding)
+        self._context = DecodeContext(topic.name, recording.mends, recording.log)
+        self._check = StampCheck()
+        self._topic = topic
+        self._log = recording.log
+        self._num_garbage = 0
+        self._first_garbage = ""
+        # Several nodes write to /tf, each in its own order: stamps that interleave there are no fault.
+        self._checked = adapter.produces is not FrameTransform
+
+    def stamp_ns(self, message: RawMessage) -> int:
+        """Return the header stamp with the topic's offset, or the log time where it is unset."""
+        stamp = self._read_stamp(message.data)
+        if stamp == 0:
+            self._check.num_unset += 1
+            stamp = message.log_time_ns
+        stamp += self._context.offset_ns
+        if self._checked:
+            self._check.take(stamp)
+        return stamp
+
+    def decode(self, message: RawMessage, stamp_ns: int) -> Sequence[Any]:
+        """Return the measurements in a message; what cannot be decoded is counted and left out."""
+        try:
+            return self._adapter.decode(self._decode_raw(message), stamp_ns, self._context)
+        except _GARBAGE as error:
+            if not self._num_garbage:
+                self._first_garbage = f"{stamp_ns / 1e9:.6f} s: {error}"
+            self._num_garbage += 1
+            return ()
+
+    def tell(self) -> None:
+        """Write what was wrong into the log."""
+        check, name, counts = self._check, self._topic.name, self._log.counts
+
+        def count(what: str, number: int) -> None:
+            if number:
+                counts[f"{name}: {what}"] = max(counts[f"{name}: {what}"], number)
+
+        count("stamps that run backwards", check.num_backward)
+        count("stamps that repeat", check.num_duplicate)
+        count("messages that cannot be decoded", self._num_garbage)
+        if check.num_backward:
+            self._log.warn(
+                f"{name}: {check.num_backward} of {check.num} stamps run backwards, by up to "
+                f"{check.largest_backward_ns / 1e9:.3f} s; the recorded order is kept"
+            )
+        if check.num_unset and self._adapter.stamp_path == "header":
+            count("header stamps that are unset", check.num_unset)
+            self._log.warn(f"{name}: {check.num_unset} header stamps are unset (0): the log time is used instead")
+        if self._num_garbage:
+            self._log.warn(
+                f"{name}: {self._num_garbage} messages cannot be decoded and are left out, the first at "
+                f"{self._first_garbage}"
+            )
+
+
+def _short(msgtype: str) -> str:
+    return msgtype.replace("/msg/", "/")

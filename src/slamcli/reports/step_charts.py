@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: MIT
+"""Charts of per-step statistics: which columns a tier gives is its own business; known ones get their words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.reports import page, svg
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """Words for a column that several tiers may give."""
+
+    title: str
+    unit: str
+    caption: str
+    beside: str = ""
+    """A column that is drawn into the same chart."""
+    marks: str = ""
+    """A column of 0 and 1 whose ones are marked at the top."""
+    from_zero: bool = True
+
+
+_KNOWN = {
+    "neff": _Known(
+        "Effective number of particles",
+        "particles",
+        "How many particles carry weight. It falls while the filter collects evidence; at a resampling (tick) the unlikely ones are replaced.",
+        beside="num_particles",
+        marks="resampled",
+    ),
+    "best_score": _Known(
+        "Score of the best match",
+        "score",
+        "How well the scan fits the best particle's map; a drop is a place where it fits badly.",
+    ),
+    "log_likelihood": _Known("Log-likelihood of the best particle", "", "Of this step's scan.", from_zero=False),
+    "fallbacks": _Known(
+        "Failed matches",
+        "particles",
+        "Particles whose scan could not be matched at this step, so that their odometry was taken as it is.",
+    ),
+    "odometry_disagreement": _Known(
+        "Disagreement of odometry and scans",
+        "",
+        "How far the matched motion lies from what the wheels told; peaks are slip, bumps, or clocks that do not agree.",
+    ),
+}
+_HIDDEN = ("stamp_ns", "resampled", "num_particles")
+
+
+def figures(steps: Mapping[str, NDArray[Any]], began_ns: int | None = None) -> list[str]:
+    """Return one chart per column, as markup; columns that never change are told in one line.
+
+    Parameters
+    ----------
+    steps
+        Columns (N,) of equal length; nothing is drawn without ``stamp_ns``.
+    began_ns
+        The stamp at which the time axis begins; None for the first step's.
+    """
+    stamps = steps.get("stamp_ns")
+    if stamps is None or len(stamps) == 0:
+        return []
+    x, x_label = time_axis(stamps, began_ns)
+    names = [n for n in _KNOWN if n in steps] + [n for n in steps if n not in _KNOWN]
+    found, constant = [_totals(steps)], []
+    for name in names:
+        values = np.asarray(steps[name])
+        if name in _HIDDEN or "index" in name or values.shape != x.shape or values.dtype.kind not in "biuf":
+            continue
+        y = values.astype(np.float64)
+        finite = y[np.isfinite(y)]
+        if not len(finite) or finite.min() == finite.max():
+            constant.append((name, finite[0] if len(finite) else None))
+            continue
+        found.append(_figure(name, y, steps, x, x_label))
+    if constant:
+        found.append(
+            page.figure(
+                "", caption="The same at every step: " + ", ".join(f"{n} = {page.plain(v)}" for n, v in constant) + "."
+            )
+        )
+    return [f for f in found if f]
+
+
+def time_axis(stamps_ns: NDArray[Any], began_ns: int | None = None) -> tuple[NDArray[np.float64], str]:
+    """Return the times float64 (N,) since `began_ns`, not decreasing, and the axis label with its unit.
+
+    Where a clock ran backwards, the axis waits until it has caught up.
+    """
+    stamps = np.maximum.accumulate(np.asarray(stamps_ns, dtype=np.int64))
+    elapsed = (stamps - (int(stamps[0]) if began_ns is None else began_ns)) / 1e9
+    span = float(elapsed[-1] - elapsed[0]) if len(elapsed) else 0.0
+    if span > 3 * 3600:
+        return elapsed / 3600, "time in h"
+    return (elapsed / 60, "time in min") if span > 600 else (elapsed, "time in s")
+
+
+def _totals(steps: Mapping[str, NDArray[Any]]) -> str:
+    """Return one line that sums up the events."""
+    parts = [f"{len(steps['stamp_ns']):,} steps"]
+    if "resampled" in steps:
+        parts.append(f"{int(np.count_nonzero(steps['resampled'])):,} resamplings")
+    if "fallbacks" in steps:
+        failed = np.asarray(steps["fallbacks"], dtype=np.float64)
+        parts.append(
+            f"{int(failed.sum()):,} failed matches of single particles at {int(np.count_nonzero(failed)):,} steps"
+        )
+    return f'<p class="soft">{", ".join(parts)}.</p>'
+
+
+def _figure(
+    name: str, y: NDArray[np.float64], steps: Mapping[str, NDArray[Any]], x: NDArray[np.float64], x_label: str
+) -> str:
+    known = _KNOWN.get(name, _Known(name.replace("_", " "), "", ""))
+    series = [svg.Series(label=name.replace("_", " "), x=x, y=y)]
+    beside = steps.get(known.beside)
+    if beside is not None and beside.shape == x.shape:
+        other = np.asarray(beside, dtype=np.float64)
+        series.insert(0, svg.Series(label=known.beside.replace("_", " "), x=x, y=other, colour=1))
+    events = steps.get(known.marks)
+    marks = x[np.asarray(events) != 0] if events is not None and events.shape == x.shape else np.zeros(0)
+    chart = svg.Chart(
+        title=known.title,
+        x_label=x_label,
+        y_label=known.unit or name.replace("_", " "),
+        series=series,
+        marks_x=marks,
+        marks_label=known.marks,
+        from_zero=known.from_zero,
+    )
+    return page.figure(svg.line_chart(chart), known.title, known.caption)

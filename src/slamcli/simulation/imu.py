@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: MIT
+"""The inertial measurement unit: turn rate and specific force with bias and noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.simulation.drive import TICK_S, Motion
+from slamcli.simulation.parameters import SimulationParameters
+
+Array = NDArray[np.float64]
+
+FRAME = "imu"
+TOPIC = "/imu"
+GRAVITY_M_S2 = 9.80665
+
+
+def inertial(
+    motion: Motion, times_s: Array, parameters: SimulationParameters, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return angular velocity and specific force, each (N, 3), in the IMU's frame (axes as base_link's).
+
+    The force at rest is +9.80665 m/s^2 up (REP 145). Biases are drawn once; white noise has the deviation
+    density * sqrt(rate).
+    """
+    p = parameters
+    speed, turn = motion.speeds_at(times_s).T
+    accelerations = np.gradient(motion.speeds, TICK_S, axis=0) if len(motion.speeds) > 1 else np.zeros((1, 2))
+    forward, turning = Motion(motion.poses, accelerations).speeds_at(times_s).T
+    angular = np.column_stack([np.zeros((len(turn), 2)), turn])
+    force = np.column_stack(
+        [
+            forward - turning * p.imu_y - turn**2 * p.imu_x,
+            speed * turn + turning * p.imu_x - turn**2 * p.imu_y,
+            np.full(len(turn), GRAVITY_M_S2),
+        ]
+    )
+    biases = rng.standard_normal(6)
+    noise = rng.standard_normal((len(times_s), 6)) * np.sqrt(p.imu_rate)
+    angular = angular + biases[:3] * p.imu_gyro_bias + noise[:, :3] * p.imu_gyro_noise
+    force = force + biases[3:] * p.imu_accel_bias + noise[:, 3:] * p.imu_accel_noise
+    return angular, force

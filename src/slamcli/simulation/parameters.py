@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: MIT
+"""Every setting of a simulated robot, its sensors, its clocks and the people around it, declared once.
+
+World files hold them in sections (``laser: {beams: 361}``), the command line takes them as ``--set laser.beams=361``.
+Noise of odometry is a density: errors of successive steps are independent, so that the standard deviation grows with
+the square root of the distance (or angle) and does not depend on the rate of the messages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slamcli.parameters import parameter
+
+
+def _number(
+    name: str, default: float, unit: str, help: str, minimum: float | None = 0.0, maximum: float | None = None
+) -> float:
+    return parameter(default, help, name=name, kind=float, unit=unit, minimum=minimum, maximum=maximum)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulationParameters:
+    """Settings of one simulated recording; names as in world files and ``--set``."""
+
+    robot_radius: float = _number(
+        "robot.radius", 0.25, "m", "Radius of the robot's body; it keeps clear of walls.", 0.02
+    )
+    robot_speed: float = _number("robot.speed", 0.6, "m/s", "Top speed.", 0.01, 20.0)
+    robot_acceleration: float = _number("robot.acceleration", 0.6, "m/s^2", "Limit of acceleration.", 0.01)
+    robot_turn_rate: float = _number("robot.turn_rate", 1.0, "rad/s", "Top turning speed.", 0.01, 20.0)
+    robot_turn_acceleration: float = _number("robot.turn_acceleration", 2.0, "rad/s^2", "Limit of turning.", 0.01)
+    robot_lookahead: float = _number(
+        "robot.lookahead", 0.4, "m", "How far ahead on its path the robot aims.", 0.05, 5.0
+    )
+    robot_margin: float = _number("robot.margin", 0.12, "m", "Distance from walls kept beyond the radius in planning.")
+    robot_rest: float = _number("robot.rest", 1.0, "s", "Time at rest before the robot starts to move.", 0.0, 3600.0)
+
+    laser_beams: int = parameter(180, "Number of beams.", name="laser.beams", minimum=1, maximum=100_000)
+    laser_fov: float = _number("laser.fov", 180.0, "deg", "Field of view, symmetric about forward.", 0.0, 360.0)
+    laser_rate: float = _number("laser.rate", 10.0, "Hz", "Scans per second.", 0.01, 1000.0)
+    laser_sweep: float | None = parameter(
+        None,
+        "Time from the first to the last beam (auto: that of a mirror turning once a scan, fov / 360 / rate; 0: all at once).",
+        name="laser.sweep",
+        kind=float,
+        unit="s",
+        minimum=0.0,
+    )
+    laser_range_min: float = _number("laser.range_min", 0.05, "m", "Nearest distance that is measured; nearer is -inf.")
+    laser_range_max: float = _number("laser.range_max", 30.0, "m", "Farthest distance that is measured.", 0.1)
+    laser_noise: float = _number("laser.noise", 0.01, "m", "Standard deviation of a range.")
+    laser_noise_relative: float = _number(
+        "laser.noise_relative", 0.0, "1", "Further deviation, as a share of the range."
+    )
+    laser_resolution: float = _number("laser.resolution", 0.0, "m", "Step to which ranges are rounded (0: none).")
+    laser_dropout: float = _number("laser.dropout", 0.001, "1", "Share of beams without an answer.", 0.0, 1.0)
+    laser_dropout_value: str = parameter(
+        "nan", "What such a beam reads.", name="laser.dropout_value", choices=("nan", "inf", "zero", "max")
+    )
+    laser_no_return: str = parameter(
+        "inf", "What a beam beyond range_max reads.", name="laser.no_return", choices=("nan", "inf", "zero", "max")
+    )
+    laser_x: float = _number("laser.x", 0.1, "m", "Mount, forward of base_link.", None)
+    laser_y: float = _number("laser.y", 0.0, "m", "Mount, left of base_link.", None)
+    laser_z: float = _number("laser.z", 0.3, "m", "Mount, above base_link.", None)
+    laser_yaw: float = _number("laser.yaw", 0.0, "deg", "Mount, turned left.", None)
+    laser_upside_down: bool = parameter(False, "Mounted with its z axis down.", name="laser.upside_down")
+    laser_clockwise: bool = parameter(False, "Scans clockwise (negative increment).", name="laser.clockwise")
+
+    odometry_rate: float = _number("odometry.rate", 20.0, "Hz", "Odometry messages per second.", 0.1, 1000.0)
+    odometry_srr: float = _number("odometry.srr", 0.02, "m/sqrt(m)", "Distance error after 1 m straight.")
+    odometry_srt: float = _number("odometry.srt", 0.02, "rad/sqrt(m)", "Heading error after 1 m straight.")
+    odometry_str: float = _number("odometry.str", 0.01, "m/sqrt(rad)", "Distance error after 1 rad of turning.")
+    odometry_stt: float = _number("odometry.stt", 0.03, "rad/sqrt(rad)", "Heading error after 1 rad of turning.")
+    odometry_distance_scale: float = _number("odometry.distance_scale", 1.0, "1", "Told distance over true distance.")
+    odometry_turn_scale: float = _number("odometry.turn_scale", 1.0, "1", "Told turn over true turn.")
+    odometry_pull: float = _number("odometry.pull", 0.0, "rad/m", "Turn that is told on straight ways.", None)
+
+    slip_count: int = parameter(
+        0, "Episodes of wheel slip, placed where the robot turns.", name="slip.count", minimum=0
+    )
+    slip_seconds: float = _number("slip.seconds", 2.0, "s", "Length of an episode.", 0.01)
+    slip_turn_share: float = _number("slip.turn_share", 0.125, "1", "Told turn over true turn in an episode.", None)
+    slip_distance_share: float = _number(
+        "slip.distance_share", 1.0, "1", "Told over true distance in an episode.", None
+    )
+
+    clock_start: float = _number("clock.start", 1_700_000_000.0, "s", "Time at which the recording starts.", 1.0, 4e9)
+    clock_laser_offset: float = _number(
+        "clock.laser_offset",
+        0.0,
+        "s",
+        "Scan stamp minus true time; +0.1: odometry of a stamp is 0.1 s fresher.",
+        -60,
+        60,
+    )
+    clock_odometry_offset: float = _number(
+        "clock.odometry_offset", 0.0, "s", "Odometry stamp minus true time.", -60, 60
+    )
+    clock_laser_jitter: float = _number("clock.laser_jitter", 0.0, "s", "Standard deviation of each scan stamp.", 0, 60)
+    clock_odometry_jitter: float = _number("clock.odometry_jitter", 0.0, "s", "The same of odometry stamps.", 0, 60)
+
+    imu_enabled: bool = parameter(False, "Record an IMU on /imu.", name="imu.enabled")
+    imu_rate: float = _number("imu.rate", 100.0, "Hz", "IMU messages per second.", 0.1, 2000.0)
+    imu_gyro_noise: float = _number("imu.gyro_noise", 2e-4, "rad/s/sqrt(Hz)", "White noise density of the gyroscope.")
+    imu_gyro_bias: float = _number("imu.gyro_bias", 0.005, "rad/s", "Standard deviation of its constant bias.")
+    imu_accel_noise: float = _number("imu.accel_noise", 2e-3, "m/s^2/sqrt(Hz)", "White noise density of acceleration.")
+    imu_accel_bias: float = _number("imu.accel_bias", 0.05, "m/s^2", "Standard deviation of its constant bias.")
+    imu_x: float = _number("imu.x", 0.0, "m", "Mount, forward of base_link.", None)
+    imu_y: float = _number("imu.y", 0.0, "m", "Mount, left of base_link.", None)
+    imu_z: float = _number("imu.z", 0.2, "m", "Mount, above base_link.", None)
+
+    people_count: int = parameter(
+        0, "People that walk between random places.", name="people.count", minimum=0, maximum=1000
+    )
+    people_speed: float = _number("people.speed", 0.9, "m/s", "Their mean speed.", 0.05, 10.0)
+    people_shape: str = parameter(
+        "legs", "What the scanner sees of them.", name="people.shape", choices=("legs", "disc")
+    )
+
+    truth_rate: float = _number("truth.rate", 50.0, "Hz", "Ground truth messages per second.", 0.1, 1000.0)
+
+    map_resolution: float = _number("map.resolution", 0.05, "m", "Cell size of the true map.", 0.005, 5.0)

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: MIT
+"""One simulated recording: everything that the robot's sensors say, in the order in which it is logged."""
+
+from __future__ import annotations
+
+import heapq
+import zlib
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import UsageError
+from slamcli.geometry import quaternion
+from slamcli.grids import OccupancyGrid
+from slamcli.measurements import FrameTransform, ImuSample, Measurement, Odometry
+from slamcli.simulation import drive as driving
+from slamcli.simulation import free_space, imu, laser, odometry
+from slamcli.simulation.parameters import SimulationParameters
+from slamcli.simulation.people import Crowd
+from slamcli.simulation.world import World
+from slamcli.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+MAP_FRAME, ODOM_FRAME, BASE_FRAME = "map", "odom", "base_link"
+ODOM_TOPIC, TF_TOPIC, STATIC_TOPIC, TRUTH_TOPIC = "/odom", "/tf", "/tf_static", "/ground_truth"
+
+
+class Message(NamedTuple):
+    """One measurement with its topic and the time at which it is logged (true time, when it is complete)."""
+
+    log_time_ns: int
+    topic: str
+    measurement: Measurement
+
+
+class Simulation:
+    """A drive with everything that was drawn for it; `messages` plays it, any number of times, always the same.
+
+    Every sensor draws from its own stream, which depends on the seed and the sensor's name only: switching people or
+    the IMU on changes neither the drive nor the noise of the others.
+    """
+
+    def __init__(
+        self, world: World, parameters: SimulationParameters, *, seed: int = 0, duration_s: float | None = None
+    ) -> None:
+        """Drive the robot through `world` for `duration_s` (None: the route's length, or 120 s at random).
+
+        Raises
+        ------
+        UsageError
+            If the duration or the limits of ranges make no sense.
+        ConfigError, PlanningError
+            If the world is too large, the robot has no way, or would hit a wall.
+        """
+        if duration_s is not None and not 0 < duration_s < 1e7:
+            raise UsageError(f"a duration of {duration_s:g} s: give more than 0")
+        if parameters.laser_range_min >= parameters.laser_range_max:
+            raise UsageError(
+                f"laser.range_min {parameters.laser_range_min:g} m is not below laser.range_max {parameters.laser_range_max:g} m"
+            )
+        self.world, self.parameters, self._seed = world, parameters, seed
+        self.motion = driving.drive(world, parameters, duration_s, self._stream("drive"))
+        count = len(world.walkers) + parameters.people_count
+        self.crowd = Crowd(world, self.motion, parameters, [self._stream(f"person {i}") for i in range(count)])
+        self.slips_s = odometry.slip_episodes(self.motion, parameters, self._stream("slip"))
+        self.scan_times_s = self._times(parameters.laser_rate, self._scanner().sweep_s)
+        self.odometry_times_s = self._times(parameters.odometry_rate)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the drive."""
+        return self.motion.duration_s
+
+    def messages(self) -> Iterator[Message]:
+        """Yield every measurement in the order of log times: /tf_static, /scan, /odom, /tf, /ground_truth, /imu."""
+        streams = [self._statics(), self._scans(), self._wheels(), self._truth()]
+        if self.parameters.imu_enabled:
+            streams.append(self._inertial())
+        yield from heapq.merge(*streams, key=lambda message: message.log_time_ns)
+
+    def truth(self) -> Trajectory:
+        """Return where base_link truly was when each scan began, under the stamp that the scan carries."""
+        return Trajectory.from_se2(self._scan_stamps_ns(), self.motion.at(self.scan_times_s), MAP_FRAME, BASE_FRAME)
+
+    def true_map(self) -> OccupancyGrid:
+        """Return the map that a perfect survey of the world would give (cells of `map.resolution`)."""
+        return free_space.true_map(self.world, self.motion.poses[0, :2], self.parameters.map_resolution)
+
+    def _stream(self, name: str) -> np.random.Generator:
+        return np.random.default_rng([self._seed, zlib.crc32(name.encode())])
+
+    def _times(self, rate_hz: float, needed_s: float = 0.0) -> Array:
+        times = np.arange(int((self.motion.duration_s - needed_s) * rate_hz + 1e-6) + 1) / rate_hz
+        return times[times + needed_s <= self.motion.duration_s + 1e-9]
+
+    def _stamps_ns(self, times_s: Array, offset_s: float = 0.0) -> NDArray[np.int64]:
+        start_ns = round(self.parameters.clock_start * 1e9)
+        return start_ns + np.rint((times_s + offset_s) * 1e9).astype(np.int64)
+
+    def _jittered_ns(self, times_s: Array, offset_s: float, jitter_s: float, name: str) -> NDArray[np.int64]:
+        jitter = jitter_s * self._stream(name).standard_normal(len(times_s))
+        return self._stamps_ns(times_s + jitter, offset_s)
+
+    def _scan_stamps_ns(self) -> NDArray[np.int64]:
+        p = self.parameters
+        return self._jittered_ns(self.scan_times_s, p.clock_laser_offset, p.clock_laser_jitter, "laser clock")
+
+    def _scanner(self) -> laser.Scanner:
+        return laser.Scanner(self.world, self.motion, self.crowd, self.parameters, self._stream("laser"))
+
+    def _statics(self) -> Iterator[Message]:
+        mounts = [(laser.FRAME, *self._scanner().mount())]
+        if self.parameters.imu_enabled:
+            p = self.parameters
+            mounts.append((imu.FRAME, np.array([p.imu_x, p.imu_y, p.imu_z]), np.array([0.0, 0.0, 0.0, 1.0])))
+        stamp = int(self._stamps_ns(np.zeros(1))[0])
+        for frame, position, quat in mounts:
+            transform = FrameTransform(
+                stamp_ns=stamp, parent_frame_id=BASE_FRAME, child_frame_id=frame, position_m=position, quat_xyzw=quat,
+                static=True, topic=STATIC_TOPIC,
+            )  # fmt: skip
+            yield Message(stamp, STATIC_TOPIC, transform)
+
+    def _scans(self) -> Iterator[Message]:
+        scanner = self._scanner()
+        logs = self._stamps_ns(self.scan_times_s + scanner.sweep_s)
+        for time_s, stamp, log in zip(self.scan_times_s, self._scan_stamps_ns().tolist(), logs.tolist(), strict=True):
+            yield Message(log, laser.TOPIC, scanner.scan(float(time_s), stamp))
+
+    def _wheels(self) -> Iterator[Message]:
+        p, times = self.parameters, self.odometry_times_s
+        poses = odometry.wheel_poses(self.motion, times, self.slips_s, p, self._stream("odometry"))
+        stamps = self._jittered_ns(times, p.clock_odometry_offset, p.clock_odometry_jitter, "odometry clock")
+        told = np.diff(poses, axis=0, prepend=poses[:1]) * p.odometry_rate
+        speeds = np.column_stack([np.cos(poses[:, 2]) * told[:, 0] + np.sin(poses[:, 2]) * told[:, 1], told[:, 2]])
+        for message in _odometry(ODOM_TOPIC, ODOM_FRAME, stamps, self._stamps_ns(times), poses, speeds):
+            yield message
+            pose = message.measurement
+            assert isinstance(pose, Odometry)  # noqa: S101 - for the type checker
+            transform = FrameTransform(
+                stamp_ns=pose.stamp_ns, parent_frame_id=ODOM_FRAME, child_frame_id=BASE_FRAME,
+                position_m=pose.position_m, quat_xyzw=pose.quat_xyzw, topic=TF_TOPIC,
+            )  # fmt: skip
+            yield Message(message.log_time_ns, TF_TOPIC, transform)
+
+    def _truth(self) -> Iterator[Message]:
+        times = self._times(self.parameters.truth_rate)
+        stamps = self._stamps_ns(times)
+        yield from _odometry(
+            TRUTH_TOPIC, MAP_FRAME, stamps, stamps, self.motion.at(times), self.motion.speeds_at(times)
+        )
+
+    def _inertial(self) -> Iterator[Message]:
+        times = self._times(self.parameters.imu_rate)
+        angular, force = imu.inertial(self.motion, times, self.parameters, self._stream("imu"))
+        for stamp, turn, pull in zip(self._stamps_ns(times).tolist(), angular, force, strict=True):
+            sample = ImuSample(
+                stamp_ns=stamp, frame_id=imu.FRAME, angular_rad_s=turn, acceleration_m_s2=pull, topic=imu.TOPIC
+            )
+            yield Message(stamp, imu.TOPIC, sample)
+
+
+def _odometry(
+    topic: str, frame: str, stamps_ns: NDArray[np.int64], logs_ns: NDArray[np.int64], poses: Array, speeds: Array
+) -> Iterator[Message]:
+    positions = np.column_stack([poses[:, :2], np.zeros(len(poses))])
+    quats = quaternion.from_yaw(poses[:, 2])
+    linear = np.column_stack([speeds[:, 0], np.zeros((len(poses), 2))])
+    angular = np.column_stack([np.zeros((len(poses), 2)), speeds[:, 1]])
+    rows = zip(stamps_ns.tolist(), logs_ns.tolist(), positions, quats, linear, angular, strict=True)
+    for stamp, log, position, quat, v, w in rows:
+        told = Odometry(
+            stamp_ns=stamp, frame_id=frame, child_frame_id=BASE_FRAME, position_m=position, quat_xyzw=quat,
+            linear_m_s=v, angular_rad_s=w, topic=topic,
+        )  # fmt: skip
+        yield Message(log, topic, told)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from slamcli.cli.main import run
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+pytest.importorskip("slamcli.gmapping.parameters")
+
+
+def test_show_prints_every_parameter_with_value_and_source(capsys):
+    assert run(["config", "show", "--config", str(CONFIGS / "gmapping.launch"), "--set", "particles=7", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    rows = {row["name"]: row for row in document["parameters"]}
+    assert (rows["particles"]["value"], rows["particles"]["source"], rows["particles"]["default"]) == (7, "--set", 30)
+    assert (rows["minimumScore"]["value"], rows["minimumScore"]["changed"]) == (200, True)
+    assert rows["minimumScore"]["source"].endswith("gmapping.launch:20")
+    assert rows["iterations"]["source"].endswith("gmapping.launch:31")
+    assert (rows["lskip"]["source"], rows["lskip"]["changed"]) == ("default", False)
+    assert all(row["help"] for row in document["parameters"])
+    assert document["remaps"] == {"scan": "/scan"}
+
+
+def test_show_for_a_person_marks_what_was_changed(capsys):
+    assert run(["config", "show", "--set", "particles=7", "--changed"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:2] == ["parameter", "value"]
+    assert lines[1].split()[:2] == ["particles", "7*"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["show", "--set", "particels=7"], "did you mean particles?"),
+        (["show", "--algo", "gmaping"], "no SLAM system 'gmaping': installed are"),
+        (["show", "--config", "nowhere.launch"], "nowhere.launch: no such file"),
+        (["show", "--arg", "x"], "write NAME:=VALUE"),
+        (["check"], "Missing argument"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_exit_code_2(capsys, arguments, message):
+    assert run(["config", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert len(captured.err.strip().splitlines()) == 1
+    assert captured.out == ""
+
+
+def test_check_sets_the_exit_code_by_severity(capsys, tmp_path):
+    assert run(["config", "check", str(CONFIGS / "gmapping.launch"), "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["counts"]["error"] == 1  # the package of the node, which roslaunch does not find
+    assert any("minimumScore 200" in f["message"] and f["line"] == 20 for f in document["findings"])
+    dwa = str(CONFIGS / "base_local_planner_params.yaml")
+    assert run(["config", "check", dwa]) == 0
+    assert f"{dwa}:23: warning: vtheta_samples" in capsys.readouterr().out
+    assert run(["config", "check", dwa, "--strict"]) == 1
+    assert run(["config", "check", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml: no such file" in capsys.readouterr().err
+    (tmp_path / "bad.yaml").write_text("a: [")
+    assert run(["config", "check", str(tmp_path / "bad.yaml")]) == 1
