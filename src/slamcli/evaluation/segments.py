@@ -176,9 +176,7 @@ def _nearest_ends(along: NDArray[np.float64], length: float) -> tuple[NDArray[np
     return np.flatnonzero(near), last[near]
 
 
-def _motions(
-    trajectory: Trajectory, first: NDArray[np.int64], last: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _motions(trajectory: Trajectory, first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.float64]:
     poses = trajectory.transforms
     return se3.inverse(poses[first]) @ poses[last]
 

@@ -4,22 +4,24 @@
 from __future__ import annotations
 
 import os
+from array import array
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from slamcli.errors import CalibrationError, DataError, FormatError, RecordingError, UsageError
+from slamcli.errors import FormatError, RecordingError, UsageError
 from slamcli.formats import trajectories
 from slamcli.geometry import se3
-from slamcli.measurements import FrameTransform, StampedPose
+from slamcli.measurements import FrameTransform, Odometry, StampedPose
+from slamcli.recordings import open_recording
+from slamcli.recordings.adapters import StampedPath
+from slamcli.recordings.recording import Recording
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    from slamcli.recordings.recording import Recording
-
+_POSE_KINDS: tuple[type, ...] = (StampedPose, Odometry, StampedPath)
 RECORDING_SUFFIXES = (".bag", ".mcap", ".db3", ".zstd")
 
 
@@ -83,66 +85,77 @@ def load_trajectory(
 
 
 def _from_recording(source: Source, log: RunLog) -> Trajectory:
-    from slamcli.recordings import open_recording
-
     with open_recording([source.path], log=log) as recording:
         if not source.part:
-            raise UsageError(f"{source.path} is a recording: say which poses in it, {_choices(source.path, recording)}")
+            raise UsageError(f"{source.path} is a recording: say which poses in it, {_choices(recording)}")
         frame, arrow, child = source.part.partition(">")
         name = f"{source.path}:{source.part}"
         if arrow:
-            return _from_frames(recording, frame.strip(), child.strip(), name)
-        return _from_topic(recording, source.part, name)
+            return _from_frames(recording, frame.strip().lstrip("/"), child.strip().lstrip("/"), name, log)
+        return _from_topic(recording, source.part, name, log)
 
 
-def _from_topic(recording: Recording, topic: str, name: str) -> Trajectory:
-    poses = [pose for measurement in recording.measurements([topic]) for pose in _poses_of(measurement)]
-    if not poses:
-        raise RecordingError(f"{name}: no poses in this topic; {_choices(Path(recording.name), recording)}")
-    stamps, positions, quats, frames = zip(*poses, strict=True)
-    if len(set(frames)) > 1:
-        raise DataError(
-            f"{name}: transforms between different frames ({', '.join(f'{a}>{b}' for a, b in sorted(set(frames)))}):"
-            " name one of them instead of the topic"
-        )
-    return Trajectory(
-        np.array(stamps, dtype=np.int64), np.array(positions), np.array(quats), frames[0][0], frames[0][1], source=name
+def _choices(recording: Recording) -> str:
+    """Name the topics and chains of transforms that hold a trajectory."""
+    topics = [topic.name for kind in _POSE_KINDS for topic in recording.topics(kind) if topic.count]
+    edges = [f"{edge.parent}>{edge.child}" for edge in recording.frames().edges if not edge.static]
+    found = [*topics, *edges]
+    return (
+        f"one of {', '.join(f'{recording.contents.paths[0]}:{part}' for part in found)}" if found else "but it has none"
     )
 
 
-def _poses_of(measurement: Any) -> list[tuple[int, Any, Any, tuple[str, str]]]:
-    """Return stamp, position, orientation and frames of the poses in a measurement."""
-    if isinstance(measurement, StampedPose):
-        frames = (measurement.frame_id, measurement.child_frame_id)
-        return [(measurement.stamp_ns, measurement.position_m, measurement.quat_xyzw, frames)]
-    if isinstance(measurement, FrameTransform):
-        frames = (measurement.parent_frame_id, measurement.child_frame_id)
-        return [(measurement.stamp_ns, measurement.position_m, measurement.quat_xyzw, frames)]
-    path = getattr(measurement, "path", None)
-    if isinstance(path, Trajectory):  # each Path message holds the whole path so far: the stamps tell them apart
-        return [
-            (stamp, position, quat, (path.frame_id, path.child_frame_id))
-            for stamp, position, quat in zip(path.stamps_ns.tolist(), path.positions_m, path.quats_xyzw, strict=True)
-        ]
-    return []
-
-
-def _from_frames(recording: Recording, frame: str, child: str, name: str) -> Trajectory:
-    tree = recording.frames()
-    stamps = _edge_stamps(tree, frame, child)
-    if not stamps.size:
-        raise RecordingError(f"{name}: the transform from {frame} to {child} never changes: it is no trajectory")
-    poses, kept, last_error = [], [], ""
-    for stamp in stamps.tolist():
-        try:
-            poses.append(tree.lookup(frame, child, stamp))
-        except (CalibrationError, DataError) as error:  # the other edges of the chain may begin later
-            last_error = str(error)
+def _from_topic(recording: Recording, topic: str, name: str, log: RunLog) -> Trajectory:
+    stamps, positions, quats, frames = array("q"), array("d"), array("d"), dict[tuple[str, str], int]()
+    path: Trajectory | None = None
+    for measurement in recording.measurements([topic]):
+        if isinstance(measurement, StampedPath):
+            path = measurement.path  # each message holds the whole path so far: the last one counts
             continue
-        kept.append(stamp)
-    if not poses:
-        raise RecordingError(f"{name}: {last_error}")
-    positions, quats = se3.to_position_quaternion(np.array(poses))
-    return replace(
-        Trajectory(np.array(kept, dtype=np.int64), positions, quats, frame, child), source=name
+        edge = _frames_of(measurement, recording, name)
+        frames[edge] = frames.get(edge, 0) + 1
+        stamps.append(measurement.stamp_ns)
+        positions.extend(measurement.position_m.tolist())
+        quats.extend(measurement.quat_xyzw.tolist())
+    if path is not None:
+        log.note(f"{name}: the last path of the topic is taken, {len(path)} poses")
+        if not len(path):
+            raise RecordingError(f"{name}: the path is empty")
+        return replace(path, source=name)
+    if len(frames) > 1:
+        listed = ", ".join(f"{recording.contents.paths[0]}:{parent}>{child}" for parent, child in sorted(frames))
+        raise UsageError(f"{name}: transforms between several frames, say which: {listed}")
+    if not stamps:
+        raise RecordingError(f"{name}: no poses in this topic; give {_choices(recording)}")
+    ((frame, child),) = frames
+    return Trajectory(
+        np.array(stamps, dtype=np.int64),
+        np.array(positions).reshape(-1, 3),
+        np.array(quats).reshape(-1, 4),
+        frame,
+        child,
+        source=name,
     )
+
+
+def _frames_of(measurement: Any, recording: Recording, name: str) -> tuple[str, str]:
+    if isinstance(measurement, StampedPose):
+        return measurement.frame_id, measurement.child_frame_id
+    if isinstance(measurement, FrameTransform):
+        return measurement.parent_frame_id, measurement.child_frame_id
+    raise UsageError(f"{name}: {type(measurement).__name__} has no pose; give {_choices(recording)}")
+
+
+def _from_frames(recording: Recording, frame: str, child: str, name: str, log: RunLog) -> Trajectory:
+    tree = recording.frames()
+    moving = [edge for edge in tree.path(frame, child) if not edge.static]
+    if not moving:
+        raise RecordingError(f"{name}: the transform from {frame} to {child} never changes: it is no trajectory")
+    stamps = max(moving, key=lambda edge: len(edge.stamps_ns)).stamps_ns  # those of the edge that is published most
+    poses, valid = tree.lookup_many(frame, child, stamps)
+    if not valid.any():
+        raise RecordingError(f"{name}: the transforms between {frame} and {child} are never known at the same time")
+    if not valid.all():
+        log.note(f"{name}: {int((~valid).sum())} of {len(valid)} poses left out, where not all transforms are known")
+    positions, quats = se3.to_position_quaternion(poses[valid])
+    return Trajectory(stamps[valid].copy(), positions, quats, frame, child, source=name)
