@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamcli import __version__
 from slamcli.errors import UsageError
@@ -64,9 +65,9 @@ def draw(score: Score) -> bytes:
     if not isinstance(score, TrajectoryScore):
         raise UsageError("there is no plot of this kind of score")
     reference = score.reference
-    stamps = (
-        (reference.stamps_ns - reference.stamps_ns[0]) / 1e9 if reference.timed else np.arange(len(reference)) * 1.0
-    )
+    stamps: NDArray[np.float64] = reference.stamps_s - reference.stamps_s[0]
+    if not reference.timed:
+        stamps = np.arange(len(reference), dtype=np.float64)
     named = {"ATE": score.ape, "ATE rotation": score.ape_rot, "RPE": score.rpe, "RPE rotation": score.rpe_rot}
     rows = [
         Series(
