@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from slamcli import __version__
+from slamcli.cli import kernel_cache
 from slamcli.errors import InputError, SlamcliError
 
 # name -> (module under slamcli.cli, one line of help); a command is imported when it runs, or for its own --help.
@@ -84,6 +85,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code: 0 done, 1 failed, 2 wrong usage or input."""
+    kernel_cache.prepare()
     try:
         result: Any = cli.main(args=arguments, prog_name="slamcli", standalone_mode=False)
     except click.exceptions.Abort:
