@@ -26,7 +26,9 @@ BEGIN = 1_700_000_000_000_000_000
 def loop(n=60, shift=(0.0, 0.0)):
     turn = np.linspace(0, 2 * math.pi, n)
     stamps = BEGIN + (np.arange(n) * 100_000_000)
-    return Trajectory.from_se2(stamps, np.column_stack([2 * np.cos(turn) + shift[0], 2 * np.sin(turn) + shift[1], turn]))
+    return Trajectory.from_se2(
+        stamps, np.column_stack([2 * np.cos(turn) + shift[0], 2 * np.sin(turn) + shift[1], turn])
+    )
 
 
 @pytest.fixture
@@ -59,8 +61,13 @@ def recording(tmp_path):
     return path
 
 
+def pixels(path):
+    return np.asarray(Image.open(io.BytesIO(path.read_bytes())).convert("RGB")).astype(int)
+
+
 def size(path):
-    return Image.open(path).size
+    height, width, _ = pixels(path).shape
+    return width, height
 
 
 def facts(capsys):
@@ -91,7 +98,7 @@ def test_truth_is_green(result, tmp_path):
     truth = tmp_path / "truth.tum"
     write_tum(truth, loop())
     assert run(["view", str(result), "--truth", str(truth), "-o", str(tmp_path / "t.png"), "--title", "x"]) == 0
-    with_truth = np.asarray(Image.open(tmp_path / "t.png").convert("RGB")).astype(int)
+    with_truth = pixels(tmp_path / "t.png")
     assert ((with_truth[..., 1] > with_truth[..., 0] + 40) & (with_truth[..., 1] > with_truth[..., 2] + 10)).sum() > 200
 
 
@@ -128,7 +135,9 @@ def test_recording(recording, capsys):
 
 
 def test_part_of_a_recording(recording, tmp_path, capsys):
-    assert run(["view", str(recording), "--start", "1", "--duration", "2", "-o", str(tmp_path / "p.png"), "--json"]) == 0
+    assert (
+        run(["view", str(recording), "--start", "1", "--duration", "2", "-o", str(tmp_path / "p.png"), "--json"]) == 0
+    )
     told = facts(capsys)
     assert told["duration_s"] == pytest.approx(2.0)
     assert {t["name"]: t["count"] for t in told["topics"]}["/scan"] == 20
@@ -242,4 +251,4 @@ def test_real_data(name, tmp_path, capsys):
         pytest.skip(f"{DATA / name} is absent: set SLAMCLI_TEST_DATA")
     output = tmp_path / "x.png"
     assert run(["view", str(DATA / name), "-o", str(output), "-q"]) == 0
-    assert min(Image.open(io.BytesIO(output.read_bytes())).size) > 300
+    assert min(size(output)) > 300
