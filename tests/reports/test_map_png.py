@@ -10,7 +10,7 @@ from PIL import Image
 
 from slamcli.grids import OccupancyGrid
 from slamcli.reports.figures import map as map_figure
-from slamcli.reports.figures import map_png
+from slamcli.reports.figures import map_png, plane
 from slamcli.trajectory import Trajectory
 
 UNKNOWN, FREE, WALL = (208, 214, 222), (255, 255, 255), (24, 26, 32)
@@ -105,7 +105,7 @@ def test_trajectory_runs_from_dark_blue_to_orange(small):
     trajectory = planar([(1.2, -1.5), (1.5, -1.5), (1.8, -1.5)])
     view = map_figure._choose_view(small, np.zeros((0, 2)), 2000)
     picture = map_figure._paint_cells(small, view)
-    map_figure._draw_trajectory(picture, view, trajectory, 2.0)
+    plane.draw_trajectory(picture, view.pixels(trajectory.positions_m[:, :2]), trajectory.stamps_ns, 2.0)
     (x0, y0), (x1, y1) = view.pixels([(1.2, -1.5), (1.8, -1.5)]).astype(int)
     assert tuple(picture[y0, x0]) == (41, 5, 147)
     assert tuple(picture[y1, x1]) == (249, 149, 65)

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from slamcli import __version__
+from slamcli.cli import kernel_cache
 from slamcli.errors import InputError, SlamcliError
 
 # name -> (module under slamcli.cli, one line of help); a command is imported when it runs, or for its own --help.
@@ -65,7 +66,7 @@ class LazyGroup(click.Group):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(__version__, prog_name="slamcli")
 def cli() -> None:
-    r"""From a robot's recording to a map, a trajectory, a score and a path, without ROS.
+    """From a robot's recording to a map, a trajectory, a score and a path, without ROS.
 
     \b
     slamcli convert intel.clf.gz intel.mcap
@@ -74,7 +75,7 @@ def cli() -> None:
     slamcli plan -1.5,2.0 3.0,2.0 --map intel/map.yaml
 
     Exit codes: 0 done, 1 failed or a threshold missed, 2 wrong usage or input.
-    """
+    """  # noqa: D301 - click needs the backspace itself
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -84,6 +85,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code: 0 done, 1 failed, 2 wrong usage or input."""
+    kernel_cache.prepare()
     try:
         result: Any = cli.main(args=arguments, prog_name="slamcli", standalone_mode=False)
     except click.exceptions.Abort:

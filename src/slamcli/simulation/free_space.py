@@ -199,7 +199,7 @@ class FreeSpace:
     def _no_way(self, start: Array, goal: Array) -> str:
         return (
             f"world {self.world_name}: no way from {start[0]:.2f}, {start[1]:.2f} to {goal[0]:.2f}, {goal[1]:.2f} "
-            f"that keeps {self.clearance_m:.2f} m from walls (robot.radius + robot.margin): is a door missing or too narrow?"
+            f"that keeps {self.clearance_m:.2f} m from walls (robot.radius + robot.margin): is a door missing or too narrow, or one of them outside?"
         )
 
 

@@ -8,9 +8,12 @@ the square root of the distance (or angle) and does not depend on the rate of th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from slamcli.parameters import parameter
+from slamcli.errors import ConfigError
+from slamcli.parameters import declarations, parameter, resolve, unknown_name
 
 
 def _number(
@@ -122,3 +125,24 @@ class SimulationParameters:
     truth_rate: float = _number("truth.rate", 50.0, "Hz", "Ground truth messages per second.", 0.1, 1000.0)
 
     map_resolution: float = _number("map.resolution", 0.05, "m", "Cell size of the true map.", 0.005, 5.0)
+
+
+def resolve_settings(*layers: Mapping[str, Any], source: str = "") -> SimulationParameters:
+    """Return the parameters with the values of `layers` (native names) over the defaults; later wins.
+
+    Raises
+    ------
+    ConfigError
+        If a name is unknown (the message names the nearest one), or a value has the wrong type or range.
+    """
+    known = [d.name for d in declarations(SimulationParameters)]
+    for layer in layers:
+        for name in layer:
+            if name not in known:
+                message = unknown_name(name, known, source).split("; `slamcli config show`")[0]
+                hint = "" if "did you mean" in message else "; `slamcli generate --list-settings` explains all of them"
+                raise ConfigError(message + hint)
+    try:
+        return resolve(SimulationParameters, *layers, source=source)
+    except ConfigError as error:
+        raise ConfigError(f"{source}: {error}" if source else str(error)) from error

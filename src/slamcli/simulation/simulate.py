@@ -56,7 +56,7 @@ class Simulation:
             If the world is too large, the robot has no way, or would hit a wall.
         """
         if duration_s is not None and not 0 < duration_s < 1e7:
-            raise UsageError(f"a duration of {duration_s:g} s: give more than 0")
+            raise UsageError(f"a duration of {duration_s:g} s: give seconds above 0 and below 10 million")
         if parameters.laser_range_min >= parameters.laser_range_max:
             raise UsageError(
                 f"laser.range_min {parameters.laser_range_min:g} m is not below laser.range_max {parameters.laser_range_max:g} m"
@@ -67,6 +67,10 @@ class Simulation:
         self.crowd = Crowd(world, self.motion, parameters, [self._stream(f"person {i}") for i in range(count)])
         self.slips_s = odometry.slip_episodes(self.motion, parameters, self._stream("slip"))
         self.scan_times_s = self._times(parameters.laser_rate, self._scanner().sweep_s)
+        if not len(self.scan_times_s):
+            raise UsageError(
+                f"no scan fits into {self.motion.duration_s:g} s: give a longer duration or a higher laser.rate"
+            )
         self.odometry_times_s = self._times(parameters.odometry_rate)
 
     @property

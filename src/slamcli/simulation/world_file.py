@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from slamcli.errors import ConfigError
 from slamcli.grids import OccupancyGrid
-from slamcli.parameters import declarations, resolve, unknown_name
+from slamcli.parameters import declarations, unknown_name
 from slamcli.simulation import shapes
-from slamcli.simulation.parameters import SimulationParameters
+from slamcli.simulation.parameters import SimulationParameters, resolve_settings
 from slamcli.simulation.world import Walker, World
 
 ReadGrid = Callable[[Path], OccupancyGrid]
@@ -182,7 +182,7 @@ class _Reader:
         for section in _SECTIONS:
             for key, value in self.mapping(document.get(section, {}), section, None).items():
                 values[f"{section}.{key}"] = value
-        resolve(SimulationParameters, values, source=str(self.path))
+        resolve_settings(values, source=str(self.path))
         return values
 
     # Values of one kind, or an error that says which entry is wrong.

@@ -4,42 +4,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slamcli.grids import OccupancyGrid
 from slamcli.reports import scales
-from slamcli.reports.figures import raster
+from slamcli.reports.figures import plane, raster
+from slamcli.reports.figures.plane import Colour, View
 from slamcli.trajectory import Trajectory
 
-_INK = (51, 56, 64)
-_FAINT = (140, 147, 156)
-_PAGE = (255, 255, 255)
 _FREE = np.array([255.0, 255.0, 255.0])
 _WALL = np.array([24.0, 26.0, 32.0])
 _UNKNOWN = (208, 214, 222)  # bluish, so that no occupancy between free and wall looks like it
-_COMFORTABLE_PX = 1400
-_MOST_PX_PER_CELL = 48
-
-
-@dataclass(frozen=True, slots=True)
-class _View:
-    """The part of the plane that is drawn."""
-
-    left_m: float
-    bottom_m: float
-    metres_per_px: float
-    width_px: int
-    height_px: int
-
-    def pixels(self, points_map: ArrayLike) -> NDArray[np.float64]:
-        """Return pixel coordinates (N, 2) of points (N, 2), metres, map frame."""
-        points = np.asarray(points_map, dtype=np.float64).reshape(-1, 2)
-        x = (points[:, 0] - self.left_m) / self.metres_per_px
-        return np.column_stack([x, self.height_px - (points[:, 1] - self.bottom_m) / self.metres_per_px])
 
 
 def map_png(
@@ -82,17 +59,17 @@ def map_png(
     lines = _overlays(trajectory, truth, path, start, goal)
     view = _choose_view(grid, lines, max(16, max_pixels))
     picture = _paint_cells(grid, view)
-    thin = max(1.5, max(picture.shape[:2]) / 700)
+    thin = plane.line_width(picture)
     if truth is not None:
         raster.stroke(picture, view.pixels(truth.positions_m[:, :2]), scales.GREEN, thin * 2.2, opacity=0.55)
-    if trajectory is not None and len(trajectory):
-        _draw_trajectory(picture, view, trajectory, thin)
+    if trajectory is not None:
+        plane.draw_trajectory(picture, view.pixels(trajectory.positions_m[:, :2]), trajectory.stamps_ns, thin)
     if path is not None:
         _draw_path(picture, view, np.asarray(path, dtype=np.float64), thin, footprint_radius_m)
     for place, colour in ((start, scales.GREEN), (goal, scales.VERMILION)):
         if place is not None:
             _draw_place(picture, view, place, colour, thin, footprint_radius_m)
-    return raster.png(_frame(picture, view, title, _legend(trajectory, truth, path, start, goal)))
+    return raster.png(plane.framed(picture, view, title, _legend(trajectory, truth, path, start, goal)))
 
 
 def _overlays(
@@ -110,7 +87,7 @@ def _overlays(
     return points[np.isfinite(points).all(axis=1)]
 
 
-def _choose_view(grid: OccupancyGrid, points: NDArray[np.float64], max_pixels: int) -> _View:
+def _choose_view(grid: OccupancyGrid, points: NDArray[np.float64], max_pixels: int) -> View:
     """Return the view on the known cells and the points, on cell edges where the grid is not turned."""
     hold = np.concatenate([_known_outline(grid), points])
     cell = grid.resolution_m
@@ -122,11 +99,11 @@ def _choose_view(grid: OccupancyGrid, points: NDArray[np.float64], max_pixels: i
     if longest > max_pixels:
         cells_per_px = float(math.ceil(longest / max_pixels))
     else:
-        cells_per_px = 1 / max(1, min(int(min(_COMFORTABLE_PX, max_pixels) // longest), _MOST_PX_PER_CELL))
+        cells_per_px = 1 / max(1, min(int(min(plane.COMFORTABLE_PX, max_pixels) // longest), plane.MOST_PX_PER_CELL))
     low = np.floor(low / cells_per_px) * cells_per_px  # pooled blocks begin where the grid's do
     size = np.maximum(np.ceil((high - low) / cells_per_px), 1).astype(np.int64)
     left, bottom = np.asarray(grid.origin[:2]) + low * cell
-    return _View(float(left), float(bottom), cells_per_px * cell, int(size[0]), int(size[1]))
+    return View(float(left), float(bottom), cells_per_px * cell, int(size[0]), int(size[1]))
 
 
 def _known_outline(grid: OccupancyGrid) -> NDArray[np.float64]:
@@ -142,7 +119,7 @@ def _known_outline(grid: OccupancyGrid) -> NDArray[np.float64]:
     return grid.cell_to_map(np.concatenate([np.column_stack(corner) for corner in corners]))
 
 
-def _paint_cells(grid: OccupancyGrid, view: _View) -> NDArray[np.uint8]:
+def _paint_cells(grid: OccupancyGrid, view: View) -> NDArray[np.uint8]:
     """Return the map's pixels uint8 (H, W, 3)."""
     pool = max(1, round(view.metres_per_px / grid.resolution_m))
     cells = _max_pool(grid.cells, pool)
@@ -165,7 +142,7 @@ def _paint_cells(grid: OccupancyGrid, view: _View) -> NDArray[np.uint8]:
     return _shades()[shown.view(np.uint8)]
 
 
-def _keep_walls(shown: NDArray[np.int8], grid: OccupancyGrid, view: _View) -> None:
+def _keep_walls(shown: NDArray[np.int8], grid: OccupancyGrid, view: View) -> None:
     """Put the walls back that taking the nearest cell of a turned grid would miss."""
     walls = np.argwhere(grid.cells >= 65)
     at = np.floor(view.pixels(grid.cell_to_map(walls))).astype(np.int64)
@@ -198,33 +175,8 @@ def _shades() -> NDArray[np.uint8]:
     return table
 
 
-def _draw_trajectory(picture: NDArray[np.uint8], view: _View, trajectory: Trajectory, width: float) -> None:
-    points = view.pixels(trajectory.positions_m[:, :2])
-    raster.stroke(picture, points, scales.time_colours(_progress(trajectory.stamps_ns)), width)
-    mark = max(4.0, 2.6 * width)
-    for place, colour, square in (
-        (points[0], scales.time_colours([0.0])[0], False),
-        (points[-1], scales.time_colours([1.0])[0], True),
-    ):
-        for radius, shade in ((mark + 1.5, _PAGE), (mark, colour)):
-            if square:
-                raster.fill(
-                    picture, (place[0] - radius, place[1] - radius, place[0] + radius, place[1] + radius), shade
-                )
-            else:
-                raster.disc(picture, place, radius, shade)
-
-
-def _progress(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the share (N,) of the time that has gone at each stamp; by index where the stamps do not advance."""
-    elapsed = (stamps_ns - stamps_ns[0]).astype(np.float64)
-    if elapsed[-1] <= 0:
-        return np.linspace(0.0, 1.0, len(elapsed))
-    return np.clip(elapsed / elapsed[-1], 0.0, 1.0)
-
-
 def _draw_path(
-    picture: NDArray[np.uint8], view: _View, path: NDArray[np.float64], width: float, radius_m: float | None
+    picture: NDArray[np.uint8], view: View, path: NDArray[np.float64], width: float, radius_m: float | None
 ) -> None:
     points = view.pixels(path)
     if radius_m:
@@ -234,9 +186,9 @@ def _draw_path(
 
 def _draw_place(
     picture: NDArray[np.uint8],
-    view: _View,
+    view: View,
     place: ArrayLike,
-    colour: tuple[int, int, int],
+    colour: Colour,
     width: float,
     radius_m: float | None,
 ) -> None:
@@ -250,7 +202,7 @@ def _draw_place(
     if len(pose) > 2 and np.isfinite(pose[2]):
         tip = centre + reach * np.array([np.cos(pose[2]), -np.sin(pose[2])])
         raster.stroke(picture, [centre, tip], colour, width)
-    raster.disc(picture, centre, mark + 1.5, _PAGE)
+    raster.disc(picture, centre, mark + 1.5, plane.PAGE)
     raster.disc(picture, centre, mark, colour)
 
 
@@ -260,12 +212,11 @@ def _legend(
     path: NDArray[np.float64] | None,
     start: ArrayLike | None,
     goal: ArrayLike | None,
-) -> list[tuple[str, Any]]:
+) -> list[tuple[str, Colour | None]]:
     """Return what the lines mean: label and colour, None for the colours of time."""
-    entries: list[tuple[str, Any]] = []
+    entries: list[tuple[str, Colour | None]] = []
     if trajectory is not None and len(trajectory):
-        span = float(trajectory.stamps_ns[-1] - trajectory.stamps_ns[0]) / 1e9
-        entries.append((f"trajectory, {scales.duration(max(span, 0.0))}", None))
+        entries.append(plane.time_legend("trajectory", trajectory))
     if truth is not None:
         entries.append(("ground truth", scales.GREEN))
     if path is not None:
@@ -276,57 +227,3 @@ def _legend(
         if at is not None
     ]
     return entries
-
-
-def _frame(picture: NDArray[np.uint8], view: _View, title: str, legend: list[tuple[str, Any]]) -> NDArray[np.uint8]:
-    """Return the picture with axes in metres around it, the title above, legend and scale bar below."""
-    size = int(np.clip(max(picture.shape[:2]) / 75, 12, 24))
-    span = (view.width_px * view.metres_per_px, view.height_px * view.metres_per_px)
-    step = scales.tick_step(max(span), 8)
-    x_ticks = scales.multiples(view.left_m, view.left_m + span[0], step)
-    y_ticks = scales.multiples(view.bottom_m, view.bottom_m + span[1], step)
-    room = max([raster.text_width(scales.number(v), size) for v in y_ticks] or [0])
-    left, top = room + 2 * size, round(2.2 * size) if title else size
-    gap = round(2.2 * size)
-    width = max(left + view.width_px + size, 24 * size)
-    page = np.full((top + view.height_px + 2 * gap + size // 2, width, 3), 255, dtype=np.uint8)
-    page[top : top + view.height_px, left : left + view.width_px] = picture
-    bottom = top + view.height_px
-    for v in x_ticks:
-        x = left + (v - view.left_m) / view.metres_per_px
-        raster.fill(page, (x, bottom, x + 1, bottom + size / 3), _FAINT)
-        raster.text(
-            page, (x, bottom + 0.5 * size), scales.number(v) + (" m" if v == x_ticks[-1] else ""), size, _INK, "ma"
-        )
-    for v in y_ticks:
-        y = bottom - (v - view.bottom_m) / view.metres_per_px
-        raster.fill(page, (left - size / 3, y, left, y + 1), _FAINT)
-        raster.text(page, (left - 0.6 * size, y), scales.number(v), size, _INK, "rm")
-    raster.text(page, (left, 0.45 * size), title, round(1.15 * size), _INK)
-    _draw_footer(page, view, left, bottom + round(1.6 * gap), size, legend)
-    return page
-
-
-def _draw_footer(
-    page: NDArray[np.uint8], view: _View, left: int, y: int, size: int, legend: list[tuple[str, Any]]
-) -> None:
-    """Draw the scale bar on the left and the legend beside it, as far as there is room."""
-    length = scales.tick_step(view.width_px * view.metres_per_px, 5)
-    while length > view.width_px * view.metres_per_px:
-        length /= 2
-    bar = length / view.metres_per_px
-    raster.fill(page, (left, y - 1, left + bar, y + 1), _INK)
-    for x in (left, left + bar - 1):
-        raster.fill(page, (x, y - size / 3, x + 1, y + size / 3), _INK)
-    label = f"{scales.number(length)} m"
-    raster.text(page, (left + bar + 0.5 * size, y), label, size, _INK, "lm")
-    x = left + bar + raster.text_width(label, size) + 2.5 * size
-    for words, colour in legend:
-        needed = 3.0 * size + raster.text_width(words, size)
-        if x + needed > page.shape[1]:
-            break
-        shades = scales.time_colours(np.linspace(0, 1, 16)) if colour is None else colour
-        line = np.column_stack([np.linspace(x, x + 2.5 * size, 16), np.full(16, y + 0.5)])
-        raster.stroke(page, line, shades, max(2.0, size / 5))
-        raster.text(page, (x + 3.0 * size, y), words, size, _INK, "lm")
-        x += needed + 1.5 * size

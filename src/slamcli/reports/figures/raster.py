@@ -72,6 +72,14 @@ def disc(image: Pixels, centre_px: ArrayLike, radius_px: float, colour: ArrayLik
     _stamp(image, centre, np.asarray(colour, dtype=np.float64).reshape(1, 3), radius_px, opacity)
 
 
+def dots(image: Pixels, centres_px: ArrayLike, radius_px: float, colour: ArrayLike) -> None:
+    """Draw filled discs of one size onto `image`; centres (N, 2), colour (3,)."""
+    centres = np.asarray(centres_px, dtype=np.float64).reshape(-1, 2)
+    centres = centres[np.isfinite(centres).all(axis=1)]
+    shade = np.broadcast_to(np.asarray(colour, dtype=np.float64), (len(centres), 3))
+    _stamp(image, centres, shade, radius_px, 1.0)
+
+
 def circle(image: Pixels, centre_px: ArrayLike, radius_px: float, colour: ArrayLike, width_px: float) -> None:
     """Draw the outline of a circle onto `image`."""
     turn = np.linspace(0.0, 2 * np.pi, max(24, int(radius_px * 4)))

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: MIT
+"""Scans as gmapping uses them: which beams are matched, which clear space, which end at an obstacle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import CalibrationError
+from slamcli.gmapping.parameters import GmappingParameters
+from slamcli.measurements import LaserScan
+
+_UPRIGHT_TOLERANCE = 1e-3
+"""How far the scanner's axis may be from the vertical (1 - |cos|), as in slam_gmapping."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beams:
+    """One scan in the base frame, metres."""
+
+    points: NDArray[np.float64]
+    """float64 (M, 2), end points that are matched."""
+    directions: NDArray[np.float64]
+    """float64 (M, 2), unit vectors of the matched beams."""
+    start: NDArray[np.float64]
+    """float64 (1, 2), where all beams start."""
+    ends: NDArray[np.float64]
+    """float64 (B, 2), where drawn beams end."""
+    hit: NDArray[np.bool_]
+    """bool (B,), whether a drawn beam ended at an obstacle."""
+
+
+class BeamModel:
+    """Turns scans of one scanner into `Beams`.
+
+    Raises
+    ------
+    CalibrationError
+        If the scanner's axis is not vertical.
+    """
+
+    def __init__(
+        self, parameters: GmappingParameters, T_base_laser: NDArray[np.float64], no_return: str = "ignore"
+    ) -> None:
+        if 1.0 - abs(float(T_base_laser[2, 2])) > _UPRIGHT_TOLERANCE:
+            tilt = math.degrees(math.acos(min(1.0, abs(float(T_base_laser[2, 2])))))
+            raise CalibrationError(
+                f"the scanner is tilted by {tilt:.1f} degrees: gmapping needs a scanner that sweeps the floor plane (see --laser-pose)"
+            )
+        self._parameters, self._no_return = parameters, no_return
+        self._rotation, self._position = T_base_laser[:2, :2], T_base_laser[:2, 3]
+        self._fan: tuple[int, float, float] | None = None
+        self._unit: NDArray[np.float64] = np.empty((0, 2))
+
+    def beams(self, scan: LaserScan) -> Beams:
+        """Return the beams of a scan: readings below range_min and NaN are dropped, those beyond the maximum are no return."""
+        max_range, usable = self.limits(scan)
+        unit = self._directions(scan)
+        ranges = scan.ranges_m.astype(np.float64)
+        valid = (ranges >= scan.range_min_m) & (ranges > 0.0)
+        returned = valid & (ranges < max_range)
+        matched = returned & (ranges < usable)
+        cleared = returned & ~matched
+        if self._no_return != "ignore":
+            cleared |= valid & ~returned
+        drawn = matched | cleared
+        length = np.where(matched, ranges, usable)
+        hit = matched | (cleared & (self._no_return == "max"))
+        every = np.flatnonzero(matched)[:: self._parameters.lskip + 1]
+        return Beams(
+            self._position + unit[every] * ranges[every, None],
+            np.ascontiguousarray(unit[every]),
+            self._position.reshape(1, 2).astype(np.float64),
+            self._position + unit[drawn] * length[drawn, None],
+            np.ascontiguousarray(hit[drawn]),
+        )
+
+    def limits(self, scan: LaserScan) -> tuple[float, float]:
+        """Return maxRange and maxUrange as they apply to a scan, metres."""
+        parameters = self._parameters
+        max_range = parameters.maxRange if parameters.maxRange is not None else scan.range_max_m - 0.01
+        usable = parameters.maxUrange if parameters.maxUrange is not None else max_range
+        return max_range, min(usable, max_range)
+
+    def _directions(self, scan: LaserScan) -> NDArray[np.float64]:
+        fan = (scan.num_beams, scan.angle_min_rad, scan.angle_increment_rad)
+        if fan != self._fan:
+            angles = scan.angles_rad
+            self._fan, self._unit = fan, np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self._rotation.T
+        return self._unit

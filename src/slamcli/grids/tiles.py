@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: MIT
+"""Maps of many particles that share their tiles: copy on write, so that memory follows the distinct area."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import DataError, EstimationError
+from slamcli.grids import _tile_kernels as _kernels
+from slamcli.grids.occupancy import OccupancyGrid
+
+_MAX_TILES_PER_SIDE = 1 << 14  # 26 km at 5 cm: a pose beyond it is a broken one
+
+
+class TiledMaps:
+    """Hit and visit counts of `num_maps` maps over one common extent that grows by itself.
+
+    A tile is 32 x 32 cells of float32 (visits, hits, mean hit x, mean hit y from the cell's lower left corner); see
+    `_kernels`. Tile 0 is empty and belongs to nobody. Writing is done in three steps, of which only the middle one (who
+    owns which tile) is serial, so the result does not depend on the number of threads.
+    """
+
+    def __init__(
+        self,
+        num_maps: int,
+        delta: float,
+        bounds: tuple[float, float, float, float],
+        executor: ThreadPoolExecutor | None = None,
+        jobs: int = 1,
+    ) -> None:
+        self.delta = delta
+        self._tile_m = delta * _kernels.TILE
+        self._executor, self._jobs = executor, max(1, jobs)
+        x_min, y_min, x_max, y_max = bounds
+        column, row = int(np.floor(x_min / self._tile_m)), int(np.floor(y_min / self._tile_m))
+        columns, rows = int(np.ceil(x_max / self._tile_m)) - column, int(np.ceil(y_max / self._tile_m)) - row
+        self._check_size(rows, columns)
+        self._corner = (row, column)
+        self.tables: NDArray[np.int32] = np.zeros((num_maps, max(rows, 1), max(columns, 1)), np.int32)
+        self.cells: NDArray[np.float32] = np.zeros((16, _kernels.TILE, _kernels.TILE, 4), np.float32)
+        self._owners: NDArray[np.int32] = np.zeros(16, np.int32)
+        self._free: list[int] = list(range(15, 0, -1))
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """Position x, y of the lower left corner of the extent, metres."""
+        return self._corner[1] * self._tile_m, self._corner[0] * self._tile_m
+
+    @property
+    def num_tiles(self) -> int:
+        """Number of distinct tiles in use."""
+        return len(self.cells) - 1 - len(self._free)
+
+    def add_scan(
+        self,
+        poses: NDArray[np.float64],
+        start: NDArray[np.float64],
+        ends: NDArray[np.float64],
+        hit: NDArray[np.bool_],
+        maps: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Add one scan to each map (or to `maps`) as seen from its pose.
+
+        Parameters
+        ----------
+        poses : float64 (K, 3), one pose of the base per map.
+        start, ends : float64 (B, 2), both ends of each beam in the base frame, metres.
+        hit : bool (B,), whether the beam ended at an obstacle.
+        """
+        if len(ends) == 0:
+            return
+        indices = np.arange(len(self.tables)) if maps is None else maps
+        self._grow_to(poses, start, ends)
+        touched = np.zeros((len(indices), *self.tables.shape[1:]), np.uint8)
+        ox, oy = self.origin
+
+        def mark(chunk: range) -> None:
+            for k in chunk:
+                _kernels.touched_tiles(touched[k], ox, oy, self.delta, start, ends, poses[k])
+
+        self._in_chunks(mark, len(indices))
+        copies = self._own(indices, touched)
+
+        def write(chunk: range) -> None:
+            for k in chunk:
+                for source, target in copies[k]:
+                    self.cells[target] = self.cells[source]
+                _kernels.register(self.cells, self.tables[indices[k]], ox, oy, self.delta, start, ends, hit, poses[k])
+
+        self._in_chunks(write, len(indices))
+
+    def resample(self, parents: NDArray[np.int64]) -> None:
+        """Make map i a copy of map ``parents[i]``; tiles are shared until one of them is written to."""
+        counts = np.bincount(parents, minlength=len(self.tables))
+        for index in np.flatnonzero(counts == 0):
+            self._release(index)
+        for index in np.flatnonzero(counts > 1):
+            used = self.tables[index][self.tables[index] > 0]
+            self._owners[used] += np.int32(counts[index] - 1)
+        self.tables = self.tables[parents]
+
+    def clear(self, index: int) -> None:
+        """Empty one map."""
+        self._release(index)
+        self.tables[index] = 0
+
+    def each(self, work: Callable[[range], None]) -> None:
+        """Call `work` with ranges that together cover all maps, on all threads."""
+        self._in_chunks(work, len(self.tables))
+
+    def _release(self, index: np.signedinteger | int) -> None:
+        used = self.tables[index][self.tables[index] > 0]
+        self._owners[used] -= 1
+        gone = used[self._owners[used] == 0]
+        self.cells[gone] = 0.0
+        self._free.extend(int(tile) for tile in gone[::-1])
+
+    def _own(self, indices: NDArray[np.int64], touched: NDArray[np.uint8]) -> list[list[tuple[int, int]]]:
+        """Give each map its own copy of every tile that it will write to; returns what to copy from where, per map."""
+        copies: list[list[tuple[int, int]]] = []
+        for k, index in enumerate(indices):
+            rows, columns = np.nonzero(touched[k])
+            tiles = self.tables[index, rows, columns]
+            shared = (tiles == 0) | (self._owners[tiles] > 1)
+            rows, columns, tiles = rows[shared], columns[shared], tiles[shared]
+            fresh = self._allocate(len(tiles))
+            self.tables[index, rows, columns] = fresh
+            self._owners[tiles[tiles > 0]] -= 1
+            copies.append([(int(s), int(t)) for s, t in zip(tiles, fresh, strict=True) if s > 0])
+        return copies
+
+    def _allocate(self, count: int) -> NDArray[np.int32]:
+        while len(self._free) < count:
+            size = len(self.cells)
+            self.cells = np.concatenate([self.cells, np.zeros((size // 2, *self.cells.shape[1:]), np.float32)])
+            self._owners = np.concatenate([self._owners, np.zeros(size // 2, np.int32)])
+            self._free = list(range(len(self.cells) - 1, size - 1, -1)) + self._free
+        fresh = np.array([self._free.pop() for _ in range(count)], np.int32)
+        self._owners[fresh] = 1
+        return fresh
+
+    def _grow_to(self, poses: NDArray[np.float64], start: NDArray[np.float64], ends: NDArray[np.float64]) -> None:
+        reach = float(np.sqrt(max((start**2).sum(axis=1).max(), (ends**2).sum(axis=1).max()))) + 2 * self.delta
+        low, high = poses[:, :2].min(axis=0) - reach, poses[:, :2].max(axis=0) + reach
+        row, column = self._corner
+        need_row, need_column = int(np.floor(low[1] / self._tile_m)), int(np.floor(low[0] / self._tile_m))
+        end_row, end_column = int(np.floor(high[1] / self._tile_m)) + 1, int(np.floor(high[0] / self._tile_m)) + 1
+        rows, columns = self.tables.shape[1:]
+        if need_row >= row and need_column >= column and end_row <= row + rows and end_column <= column + columns:
+            return
+        new_row, new_column = min(row, need_row - 4), min(column, need_column - 4)
+        new_rows = max(row + rows, end_row + 4) - new_row
+        new_columns = max(column + columns, end_column + 4) - new_column
+        self._check_size(new_rows, new_columns)
+        tables = np.zeros((len(self.tables), new_rows, new_columns), np.int32)
+        tables[:, row - new_row : row - new_row + rows, column - new_column : column - new_column + columns] = (
+            self.tables
+        )
+        self.tables, self._corner = tables, (new_row, new_column)
+
+    @staticmethod
+    def _check_size(rows: int, columns: int) -> None:
+        if max(rows, columns) > _MAX_TILES_PER_SIDE:
+            raise DataError(
+                f"the map would grow to {columns} x {rows} tiles: the odometry or the ranges are broken, or delta is too small"
+            )
+
+    def occupancy(self, index: int, occ_thresh: float, frame_id: str, margin_cells: int = 20) -> OccupancyGrid:
+        """Return one map as an occupancy grid, cropped to what was seen.
+
+        A cell whose share of hits is over `occ_thresh` is occupied, any other that was visited is free.
+
+        Raises
+        ------
+        EstimationError
+            If nothing was seen.
+        """
+        rows, columns = np.nonzero(self.tables[index])
+        if len(rows) == 0:
+            raise EstimationError("the map is empty: no beam of any scan was within range")
+        first_row, first_column = rows.min(), columns.min()
+        size = _kernels.TILE
+        cells = np.full(((rows.max() - first_row + 1) * size, (columns.max() - first_column + 1) * size), -1, np.int8)
+        for row, column in zip(rows, columns, strict=True):
+            tile = self.cells[self.tables[index, row, column]]
+            seen = tile[..., 0] > 0
+            full = tile[..., 1] > occ_thresh * tile[..., 0]
+            i, j = (row - first_row) * size, (column - first_column) * size
+            cells[i : i + size, j : j + size] = np.where(seen, np.where(full, 100, 0), -1)
+        known: NDArray[np.bool_] = cells >= 0
+        i0, i1 = _extent(np.any(known, axis=1), margin_cells)
+        j0, j1 = _extent(np.any(known, axis=0), margin_cells)
+        x, y = self.origin
+        corner = (x + (first_column * size + j0) * self.delta, y + (first_row * size + i0) * self.delta, 0.0)
+        return OccupancyGrid(np.ascontiguousarray(cells[i0:i1, j0:j1]), self.delta, corner, frame_id)
+
+    def _in_chunks(self, work: Callable[[range], None], count: int) -> None:
+        """Run `work` over ranges of 0..count, one per thread; kernels release the GIL."""
+        if self._executor is None or self._jobs == 1 or count == 1:
+            work(range(count))
+            return
+        step = -(-count // self._jobs)
+        chunks = [range(first, min(first + step, count)) for first in range(0, count, step)]
+        _wait(self._executor.submit(work, chunk) for chunk in chunks)
+
+
+def _extent(known: NDArray[Any], margin: int) -> tuple[int, int]:
+    """First and past-the-last index with something known, widened by the margin within the array."""
+    found = np.flatnonzero(known)
+    return max(int(found[0]) - margin, 0), min(int(found[-1]) + 1 + margin, len(known))
+
+
+def _wait(futures: Iterable[Future[None]]) -> None:
+    for future in list(futures):
+        future.result()

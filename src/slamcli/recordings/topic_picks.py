@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT
+"""Which topics and frames a planar SLAM run takes from a recording, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from slamcli.errors import RecordingError
+from slamcli.geometry.frame_tree import FrameTree
+from slamcli.measurements import LaserScan, Odometry
+from slamcli.recordings.raw import Topic
+from slamcli.recordings.recording import Recording
+
+FROM_TF = "tf"
+"""What a user names as odometry topic to take odometry from the frame tree."""
+
+_USUAL_SCANS = ("scan", "base_scan", "laser_scan", "laser", "front_scan", "scan_front", "scan_raw", "scan_filtered")
+_USUAL_ODOMETRY = ("odom", "odometry", "wheel_odom", "wheel_odometry", "odom_raw", "odom_combined")
+_NOT_ODOMETRY = ("truth", "_gt", "/gt", "mocap", "vicon", "optitrack", "gps", "visual", "vo/", "amcl", "slam")
+_BASE_FRAMES = ("base_link", "base_footprint", "base", "base_frame")
+_ODOM_FRAMES = ("odom", "odom_combined", "odom_frame")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicPicks:
+    """What was picked; the reasons stand in the recording's log as notes."""
+
+    scan: Topic
+    laser_frame: str
+    base_frame: str
+    odom_frame: str
+    odometry: str
+    """``topic``, ``tf`` or ``none``."""
+    odom_topic: Topic | None
+    """The nav_msgs/Odometry topic if `odometry` is ``topic``."""
+    odom_child_frame: str
+    """The frame whose motion the odometry describes; differs from `base_frame` by a fixed transform, if at all."""
+
+
+def pick_topics(
+    recording: Recording,
+    *,
+    scan_topic: str | None = None,
+    odom_topic: str | None = None,
+    base_frame: str | None = None,
+    odom_frame: str | None = None,
+) -> TopicPicks:
+    """Return the scan topic, the odometry and the frames to use: what the caller names, else what fits best.
+
+    Parameters
+    ----------
+    odom_topic
+        A nav_msgs/Odometry topic, or ``tf`` for the transform from `odom_frame` to `base_frame`.
+
+    Raises
+    ------
+    RecordingError
+        If there is no laser scan, or a named topic is missing, empty or of another type.
+    """
+    scan = recording.topic(scan_topic, LaserScan) if scan_topic else _pick_scan(recording)
+    first = next(iter(recording.measurements([scan])), None)
+    if first is None:
+        raise RecordingError(f"{recording.name}: no message on topic {scan.name} can be decoded")
+    laser_frame: str = first.frame_id
+    tree = recording.frames()
+    topic = None if odom_topic == FROM_TF else _odometry_topic(recording, odom_topic)
+    sample = next(iter(recording.measurements([topic])), None) if topic is not None else None
+    if sample is not None:
+        child = sample.child_frame_id or base_frame or _base_in(tree, laser_frame) or "base_link"
+        base = base_frame or (child if tree.connected(child, laser_frame) else _base_in(tree, laser_frame)) or child
+        picked = (odom_frame or sample.frame_id or "odom", base, "topic", topic, child)
+    else:
+        picked = _from_frames(recording, tree, laser_frame, base_frame, odom_frame)
+    odom, base, source, topic, child = picked
+    _say_odometry(recording, source, topic, odom, child, named=odom_topic)
+    return TopicPicks(
+        scan=scan,
+        laser_frame=laser_frame,
+        base_frame=base,
+        odom_frame=odom,
+        odometry=source,
+        odom_topic=topic,
+        odom_child_frame=child,
+    )
+
+
+def _from_frames(
+    recording: Recording, tree: FrameTree, laser_frame: str, base_frame: str | None, odom_frame: str | None
+) -> tuple[str, str, str, Topic | None, str]:
+    """Return odom frame, base frame, source, no topic and child frame where there is no Odometry topic."""
+    base = base_frame or _base_in(tree, laser_frame)
+    odom = odom_frame or next((frame for frame in _ODOM_FRAMES if frame in tree.frames), None)
+    if odom is None and base is not None:
+        odom = _first_moving_parent(tree, base)
+    if odom is not None and base is None:
+        base = _child_towards(tree, odom, laser_frame)
+    if odom is not None and base is not None and tree.connected(odom, base):
+        if not tree.is_static(odom, base):
+            return odom, base, "tf", None, base
+        recording.log.warn(f"tf: {odom} -> {base} never changes in this recording: not used as odometry")
+    return odom or "odom", base or laser_frame, "none", None, base or laser_frame
+
+
+def _pick_scan(recording: Recording) -> Topic:
+    found = [topic for topic in recording.topics(LaserScan) if topic.count != 0]
+    if not found:
+        raise RecordingError(f"{recording.name}: {_no_scan(recording)}")
+    best = min(found, key=lambda topic: (_rank(topic.name, _USUAL_SCANS), "tilt" in topic.name, -(topic.count or 0)))
+    if len(found) > 1:
+        others = ", ".join(topic.name for topic in found if topic != best)
+        recording.log.note(f"scans: {best.name} is used (also there: {others}; choose with --scan-topic)")
+    return best
+
+
+def _no_scan(recording: Recording) -> str:
+    empty = [topic.name for topic in recording.topics(LaserScan)]
+    if empty:
+        return f"topic {empty[0]} is empty, and there is no other sensor_msgs/LaserScan topic"
+    held = ", ".join(
+        f"{topic.name} ({topic.msgtype.replace('/msg/', '/')})" for topic in recording.contents.topics[:12]
+    )
+    return f"no sensor_msgs/LaserScan topic (it has {held or 'no topics at all'})"
+
+
+def _odometry_topic(recording: Recording, named: str | None) -> Topic | None:
+    if named:
+        return recording.topic(named, Odometry)
+    found = [topic for topic in recording.topics(Odometry) if topic.count != 0]
+    usable = [topic for topic in found if not any(word in topic.name.lower() for word in _NOT_ODOMETRY)]
+    if not usable:
+        return None
+    best = min(usable, key=lambda topic: (_rank(topic.name, _USUAL_ODOMETRY), -(topic.count or 0)))
+    if len(found) > 1:
+        others = ", ".join(topic.name for topic in found if topic != best)
+        recording.log.note(f"odometry: {best.name} is used (also there: {others}; choose with --odom-topic)")
+    return best
+
+
+def _say_odometry(
+    recording: Recording, source: str, topic: Topic | None, odom: str, child: str, named: str | None
+) -> None:
+    log = recording.log
+    if source == "topic" and topic is not None:
+        log.note(f"odometry from topic {topic.name} ({odom} -> {child})")
+    elif source == "tf":
+        why = "as asked" if named == FROM_TF else "there is no odometry topic"
+        log.note(f"odometry from the transform {odom} -> {child} on /tf ({why})")
+    elif named == FROM_TF:
+        raise RecordingError(
+            f"{recording.name}: no odometry in tf: {odom} -> {child} is not among its transforms; "
+            f"frames are {', '.join(recording.frames().frames) or 'none'} (choose with --odom-frame and --base-frame)"
+        )
+    else:
+        log.warn(
+            "no odometry: neither a nav_msgs/Odometry topic nor a moving transform "
+            f"{odom} -> {child} on /tf; only the scans tell how the robot moved"
+        )
+
+
+def _rank(name: str, usual: Sequence[str]) -> int:
+    """Return how usual a topic name is: its last part's place in `usual`, or behind them."""
+    last = name.rstrip("/").rsplit("/", 1)[-1].lower()
+    return usual.index(last) if last in usual else len(usual)
+
+
+def _base_in(tree: FrameTree, laser_frame: str) -> str | None:
+    """Return the robot's base frame: a usual name above the laser, else a usual name, else the laser's fixed ancestor."""
+    above = _ancestors(tree, laser_frame)
+    for names in (above, tree.frames):
+        for usual in _BASE_FRAMES:
+            for frame in names:
+                if frame == usual or frame.endswith(f"/{usual}"):
+                    return frame
+    fixed = None
+    for frame in above:
+        edge = tree.edge(frame)
+        if edge is None or not edge.static:
+            return frame if frame != laser_frame or edge is not None else fixed
+        fixed = edge.parent
+    return fixed
+
+
+def _ancestors(tree: FrameTree, frame: str) -> list[str]:
+    """Return a frame and those above it, empty if the tree does not know it."""
+    if frame not in tree.frames:
+        return []
+    chain = [frame]
+    while (parent := tree.parent(chain[-1])) is not None:
+        chain.append(parent)
+    return chain
+
+
+def _first_moving_parent(tree: FrameTree, base: str) -> str | None:
+    for frame in _ancestors(tree, base):
+        edge = tree.edge(frame)
+        if edge is not None and not edge.static:
+            return edge.parent
+    return None
+
+
+def _child_towards(tree: FrameTree, odom: str, laser_frame: str) -> str | None:
+    """Return the frame below `odom` on the way to the laser."""
+    above = _ancestors(tree, laser_frame)
+    return above[above.index(odom) - 1] if odom in above and above.index(odom) > 0 else None
