@@ -44,7 +44,13 @@ def open_recording(
 
     log = log if log is not None else RunLog()
     listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-    return Recording(open_raw([Path(path) for path in listed], log), mends=mends or Mends(), log=log)
+    recording = Recording(open_raw([Path(path) for path in listed], log), mends=mends or Mends(), log=log)
+    try:
+        recording.check_mends()
+    except SlamcliError:
+        recording.raw.__exit__(None, None, None)
+        raise
+    return recording
 
 
 class Recording:
@@ -154,6 +160,25 @@ class Recording:
         start_ns = None if start_s is None else first
         stop_ns = None if duration_s is None or duration_s > 1e9 else first + round(duration_s * 1e9)
         return start_ns, stop_ns
+
+    def check_mends(self) -> None:
+        """Check that the topics that the mends name are there.
+
+        Raises
+        ------
+        RecordingError
+            If one is not.
+        """
+        known = {topic.name for topic in self.contents.topics}
+        for option, names in (
+            ("--time-offset", self.mends.time_offsets_ns),
+            ("--camera-info", self.mends.camera_models),
+        ):
+            for name in names:
+                if name and name not in known:
+                    raise RecordingError(
+                        f"{option} {name}: {self.name} has no such topic; {self._would_fit(name, None)}"
+                    )
 
     def _stream(self, decoders: dict[str, _TopicDecoder], start_ns: int | None, stop_ns: int | None) -> Iterator[Any]:
         stamped = ((decoders[m.topic].stamp_ns(m), m) for m in self.raw.messages(tuple(decoders), start_ns, stop_ns))
