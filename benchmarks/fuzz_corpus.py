@@ -144,7 +144,9 @@ def _record(recording: object) -> None:
         write("/scan", _scan(stamp, 40, 0.3 * k))
         write(
             "/imu",
-            ImuSample(stamp_ns=stamp, frame_id="imu", angular_rad_s=np.zeros(3), acceleration_m_s2=np.array([0, 0, 9.81])),
+            ImuSample(
+                stamp_ns=stamp, frame_id="imu", angular_rad_s=np.zeros(3), acceleration_m_s2=np.array([0, 0, 9.81])
+            ),
         )
         write("/pose", StampedPose(stamp_ns=stamp, frame_id="map", position_m=position, quat_xyzw=identity))
     write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=np.ones((20, 3), dtype=np.float32)))
