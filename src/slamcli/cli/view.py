@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -15,11 +16,15 @@ from slamcli.cli.options import json_option, verbosity_options
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
-    help="Where the picture goes (.png). Default: view.png in a result folder, else NAME-view.png beside the source.",
+    help="Where the picture goes (.png), or a result as an .mcap for Foxglove. Default: view.png in a result folder, else NAME-view.png beside the source.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), metavar="FILE",
-    help="Ground truth (TUM, KITTI or EuRoC), drawn in green; it has to be in the same frame.",
+    help="Ground truth (TUM, KITTI or EuRoC), drawn in green.",
+)  # fmt: skip
+@click.option(
+    "--align", type=click.Choice(["auto", "fit", "start", "none"]), default="auto", show_default=True,
+    help="How the others are laid over the first trajectory: fitted, from the same start, or as they are. auto fits files, and lays topics of another frame from the same start.",
 )  # fmt: skip
 @click.option("--title", help="Line above the picture. Default: the name of what is shown.")
 @click.option(
@@ -41,6 +46,7 @@ def command(
     sources: tuple[Path, ...],
     output: Path | None,
     truth: Path | None,
+    align: Any,
     title: str | None,
     max_pixels: int,
     start_s: float | None,
@@ -59,6 +65,7 @@ def command(
     slamcli view intel                          the map with the trajectory on it, intel/view.png
     slamcli view map.yaml -o map.png            any map that map_server reads
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
+    slamcli view intel -o intel.mcap            map, path, poses and tf for Foxglove and RViz
     slamcli view drive.bag                      topics over time, odometry and scans
     """
     from slamcli.pipelines.view import ViewOptions, view
@@ -67,7 +74,13 @@ def command(
     with Console(verbosity) as console:
         log = RunLog(console)
         options = ViewOptions(
-            truth=truth, title=title, max_pixels=max_pixels, start_s=start_s, duration_s=duration_s, scans=scans
+            truth=truth,
+            align=align,
+            title=title,
+            max_pixels=max_pixels,
+            start_s=start_s,
+            duration_s=duration_s,
+            scans=scans,
         )
         seen = view(list(sources), output, options, log)
         console.tell(log)

@@ -15,6 +15,7 @@ from slamcli.errors import InputError
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.geometry import se2, se3
 from slamcli.measurements import LaserScan, Odometry, StampedPose
+from slamcli.pipelines.view_alignment import laid_over
 from slamcli.recordings import Recording, Topic, open_recording
 from slamcli.reports.figures import raster, timeline, track
 from slamcli.runtime import RunLog
@@ -73,8 +74,7 @@ def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -
         facts: dict[str, Any] = {"duration_s": span_s, "topics": _topic_facts(recording, counts)}
         with log.stage("odometry and scans"):
             drawn = _paths_and_scans(recording, options, log)
-        if options.truth is not None:
-            drawn.truth = ("ground truth", read_trajectory(options.truth, log=log))
+        _lay_over(drawn, options, log)
     if drawn.paths or drawn.truth or len(drawn.points_m):
         (label, first), *others = drawn.paths or [("", _no_poses())]
         below = track.track_image(
@@ -148,7 +148,8 @@ def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) ->
         trajectory = _read_path(recording, topic, options)
         if not len(trajectory):
             continue
-        label = f"{topic.name} in {trajectory.frame_id}" if trajectory.frame_id else topic.name
+        is_named = trajectory.frame_id not in ("", topic.name.strip("/"))
+        label = f"{topic.name} in {trajectory.frame_id}" if is_named else topic.name
         if drawn.paths and drawn.truth is None and _is_truth(topic):
             drawn.truth = (label, trajectory)
         else:
@@ -174,6 +175,23 @@ def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) ->
     told = "1 scan" if len(scans) == 1 else f"{len(scans)} scans"
     drawn.title = f"{told} of {topic.name}" + (f" on {drawn.paths[0][0]}" if drawn.paths else "")
     return drawn
+
+
+def _lay_over(drawn: _Drawn, options: ViewOptions, log: RunLog) -> None:
+    """Move what is drawn beside the first path into its frame."""
+    if options.truth is not None:
+        drawn.truth = ("ground truth", read_trajectory(options.truth, log=log))
+    if not drawn.paths:
+        return
+    first = drawn.paths[0][1]
+
+    def moved(name: str, path: Trajectory) -> tuple[str, Trajectory]:
+        same_frame = path.frame_id == first.frame_id and name != "ground truth"
+        how = options.align if options.align != "auto" else "none" if same_frame else "start"
+        return laid_over(first, name, path, how, log)
+
+    drawn.paths[1:] = [moved(*path) for path in drawn.paths[1:]]
+    drawn.truth = moved(*drawn.truth) if drawn.truth is not None else None
 
 
 def _preference(topic: Topic) -> tuple[bool, bool, bool, str]:
