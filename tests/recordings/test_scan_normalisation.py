@@ -70,8 +70,8 @@ def test_an_upside_down_scan_mirrors_its_points() -> None:
 
 def test_resampling_takes_the_nearest_beam() -> None:
     scan = _scan([1, 2, 3, 4, 5], first=0.0, increment=0.1)
-    fan = Fan(angle_min_rad=-0.1, angle_increment_rad=0.2, num_beams=4)
-    np.testing.assert_array_equal(resample(scan, fan).ranges_m, np.array([np.nan, 2, 4, np.nan], np.float32))
+    fan = Fan(angle_min_rad=-0.16, angle_increment_rad=0.2, num_beams=4)
+    np.testing.assert_array_equal(resample(scan, fan).ranges_m, np.array([np.nan, 1, 3, 5], np.float32))
     finer = Fan(angle_min_rad=0.0, angle_increment_rad=0.05, num_beams=9)
     assert np.isfinite(resample(scan, finer).ranges_m).all()
     assert resample(scan, finer).ranges_m[::2].tolist() == [1, 2, 3, 4, 5]

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from slamcli.errors import UsageError
 from slamcli.formats.maps import read_map, write_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.grids import OccupancyGrid
@@ -97,6 +98,7 @@ def generate(
     """
     log = log or RunLog()
     place = open_world(world)
+    _check_outputs(find_world(world), path, truth, map_path)
     if start is not None:
         place = dataclasses.replace(place, start=start)
     parameters = resolve_settings(place.settings, settings or {})
@@ -125,6 +127,19 @@ def generate(
         settings=as_dict(parameters),
         seconds=sum(log.seconds.values()),
     )
+
+
+def _check_outputs(world: Path, *outputs: str | os.PathLike[str] | None) -> None:
+    taken: set[Path] = set()
+    for output in outputs:
+        if output is None:
+            continue
+        resolved = Path(output).resolve()
+        if resolved == world.resolve():
+            raise UsageError(f"{output} is the world itself: name another file for the output")
+        if resolved in taken:
+            raise UsageError(f"{output} is named twice as an output: give each its own file")
+        taken.add(resolved)
 
 
 def open_world(world: str) -> World:

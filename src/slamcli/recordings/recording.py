@@ -24,7 +24,16 @@ from slamcli.runtime import RunLog
 T = TypeVar("T")
 
 # What decoding bytes that are not what their type says can raise.
-_GARBAGE = (SlamcliError, ValueError, struct.error, IndexError, KeyError, TypeError, AttributeError, OverflowError)
+DECODING_ERRORS = (
+    SlamcliError,
+    ValueError,
+    struct.error,
+    IndexError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+)
 
 
 def open_recording(
@@ -44,7 +53,13 @@ def open_recording(
 
     log = log if log is not None else RunLog()
     listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-    return Recording(open_raw([Path(path) for path in listed], log), mends=mends or Mends(), log=log)
+    recording = Recording(open_raw([Path(path) for path in listed], log), mends=mends or Mends(), log=log)
+    try:
+        recording.check_mends()
+    except SlamcliError:
+        recording.raw.__exit__(None, None, None)
+        raise
+    return recording
 
 
 class Recording:
@@ -155,6 +170,25 @@ class Recording:
         stop_ns = None if duration_s is None or duration_s > 1e9 else first + round(duration_s * 1e9)
         return start_ns, stop_ns
 
+    def check_mends(self) -> None:
+        """Check that the topics that the mends name are there.
+
+        Raises
+        ------
+        RecordingError
+            If one is not.
+        """
+        known = {topic.name for topic in self.contents.topics}
+        for option, names in (
+            ("--time-offset", self.mends.time_offsets_ns),
+            ("--camera-info", self.mends.camera_models),
+        ):
+            for name in names:
+                if name and name not in known:
+                    raise RecordingError(
+                        f"{option} {name}: {self.name} has no such topic; {self._would_fit(name, None)}"
+                    )
+
     def _stream(self, decoders: dict[str, _TopicDecoder], start_ns: int | None, stop_ns: int | None) -> Iterator[Any]:
         stamped = ((decoders[m.topic].stamp_ns(m), m) for m in self.raw.messages(tuple(decoders), start_ns, stop_ns))
         ordered = stamped if len(decoders) == 1 else merge_by_stamp(stamped)
@@ -228,7 +262,7 @@ class _TopicDecoder:
         """Return the measurements in a message; what cannot be decoded is counted and left out."""
         try:
             return self._adapter.decode(self._decode_raw(message), stamp_ns, self._context)
-        except _GARBAGE as error:
+        except DECODING_ERRORS as error:
             if not self._num_garbage:
                 self._first_garbage = f"{stamp_ns / 1e9:.6f} s: {error}"
             self._num_garbage += 1

@@ -48,8 +48,8 @@ _KNOWN = {
     ),
     "odometry_disagreement": _Known(
         "Disagreement of odometry and scans",
-        "",
-        "How far the matched motion lies from what the wheels told; peaks are slip, bumps, or clocks that do not agree.",
+        "standard deviations",
+        "How far the matched motion lies from what the wheels told, in standard deviations of the motion model; peaks are slip, bumps, or clocks that do not agree.",
     ),
 }
 _HIDDEN = ("stamp_ns", "resampled", "num_particles")

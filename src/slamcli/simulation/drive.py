@@ -22,7 +22,7 @@ TICK_S = 0.01
 """Step of the simulated motion; between ticks it is interpolated linearly."""
 _PATH_STEP_M = 0.02
 _SPARE_S = 1.0
-_MAX_TICKS = 20_000_000
+_MAX_DURATION_S = 86_400.0
 _CANDIDATES = 30
 
 
@@ -87,7 +87,11 @@ def drive(world: World, parameters: SimulationParameters, duration_s: float | No
         If there is no way.
     ConfigError
         If the robot would hit a wall; the message says where and when.
+    UsageError
+        If the recording would be longer than a day.
     """
+    if duration_s is not None and duration_s > _MAX_DURATION_S:
+        raise UsageError(f"a duration of {duration_s:.0f} s is too long: one recording holds at most a day")
     space = FreeSpace(world, parameters.robot_radius + parameters.robot_margin)
     start = start_pose(world, space)
     if len(world.waypoints):
@@ -157,11 +161,9 @@ def _follow(way: Array, start: Array, parameters: SimulationParameters, duration
     p = parameters
     if duration_s is None:
         corners = len(way) * (2 * math.pi / p.robot_turn_rate + 2 * p.robot_speed / p.robot_acceleration + 5)
-        ticks = int((3 * lengths[-1] / p.robot_speed + corners + p.robot_rest + 60) / TICK_S)
+        ticks = int(min(3 * lengths[-1] / p.robot_speed + corners + p.robot_rest + 60, _MAX_DURATION_S) / TICK_S)
     else:
         ticks = round(duration_s / TICK_S) + 1
-    if ticks > _MAX_TICKS:
-        raise UsageError(f"world {name}: {ticks * TICK_S:.0f} s are too long; at most {_MAX_TICKS * TICK_S:.0f} s")
     states = np.zeros((ticks, 5))
     states[0, :3] = start
     limits = (
@@ -174,7 +176,7 @@ def _follow(way: Array, start: Array, parameters: SimulationParameters, duration
     if used < 0 and duration_s is None:
         raise ConfigError(
             f"world {name}: the robot does not get to the end of its route: it is at {states[-1, 0]:.2f}, "
-            f"{states[-1, 1]:.2f} after {ticks * TICK_S:.0f} s; give a lower robot.speed or robot.lookahead"
+            f"{states[-1, 1]:.2f} after {ticks * TICK_S:.0f} s; give a lower robot.lookahead, fewer rounds, or --duration"
         )
     states = states[: abs(used)]
     return Motion(states[:, :3].copy(), states[:, 3:].copy())

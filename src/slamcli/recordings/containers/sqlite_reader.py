@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from urllib.parse import quote
 
 from slamcli.errors import RecordingError
 from slamcli.recordings.containers.damage import Damage, at_time
+from slamcli.recordings.containers.qos import is_latched
 from slamcli.recordings.containers.runs import Run
 from slamcli.recordings.containers.source import Source
 from slamcli.recordings.containers.topic_table import MAX_TOPICS, TopicTable
@@ -21,7 +21,6 @@ from slamcli.recordings.raw import RawMessage, Topic
 _BLOCK_BYTES = 4 << 20
 _BLOCK_ROWS = 4096
 _MAX_GAPS = 64
-_LATCHED = re.compile(r"durability:\s*(1|transient_local)\b")
 
 
 @dataclass(slots=True)
@@ -137,7 +136,7 @@ class SqliteVolume:
                     count=0,
                     definition=definition,
                     encoding=str(row.get("serialization_format") or "cdr"),
-                    latched=_LATCHED.search(qos) is not None,
+                    latched=is_latched(qos),
                     qos=qos,
                     definition_format=language,
                     digest=str(row.get("type_description_hash") or ""),

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: MIT
+"""Kernels of the shortest-path search on the 8-connected grid; see `slamcli.navigation.grid_search`.
+
+Grids are flat with a blocked border of one cell all around, so that no neighbour lies outside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Bytes = NDArray[np.uint8]
+
+SQRT2 = 1.4142135623730951
+
+
+@njit(cache=True)
+def octile(a: int, b: int, width: int) -> float:
+    """Return the length of the shortest 8-connected path without obstacles between flat cells, in cells."""
+    dy = abs(a // width - b // width)
+    dx = abs(a % width - b % width)
+    return max(dx, dy) + (SQRT2 - 1.0) * min(dx, dy)
+
+
+@njit(cache=True)
+def search(
+    cost: Bytes,
+    weight: Floats,
+    blocked: Bools,
+    width: int,
+    start: int,
+    goal: int,
+    guided: bool,
+    bucket: float,
+    num_buckets: int,
+    g: Floats,
+    state: Ints,
+    parent: Bytes,
+    generation: int,
+) -> float:
+    """Fill `g` and `parent` until the cheapest way from `start` to `goal` is known; return its cost, inf if none.
+
+    Parameters
+    ----------
+    cost : uint8 (N,) costs with a blocked border; weight : float64 (256,) weight of a cell per unit length, at least
+    1 where not blocked; blocked : bool (256,); width : columns with border; guided : A* with the octile distance, else
+    Dijkstra; bucket : width of a priority bucket; num_buckets : more than the greatest rise of the priority over one
+    edge, in buckets; g : float64 (N,), state : int64 (N,), parent : uint8 (N,) work space that is kept from call to
+    call; generation : a number that grows by one from call to call, from 1.
+
+    Notes
+    -----
+    An edge costs its length times the mean weight of its two cells. Cells wait in buckets of priorities; those of one
+    bucket are taken in any order and again where they got cheaper, so the result is exact: the search ends when the
+    goal's own bucket is empty, and then no waiting cell can be on a cheaper way.
+    """
+    steps = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
+    sides = np.array([[-1, -width], [0, 0], [1, -width], [0, 0], [0, 0], [-1, width], [0, 0], [1, width]])
+    lengths = np.array([SQRT2, 1.0, SQRT2, 1.0, 1.0, SQRT2, 1.0, SQRT2])
+    heads = np.full(num_buckets, -1)
+    nodes = np.empty(1024, dtype=np.int64)
+    links = np.empty(1024, dtype=np.int64)
+    used, spare, waiting = 0, -1, 1
+    opened, done = 2 * generation, 2 * generation + 1
+    g[start] = 0.0
+    state[start] = opened
+    parent[start] = 255
+    current = int((octile(start, goal, width) if guided else 0.0) / bucket)
+    nodes[0], links[0], used = start, -1, 1
+    heads[current % num_buckets] = 0
+    while waiting > 0:
+        slot = current % num_buckets
+        entry = heads[slot]
+        if entry < 0:
+            if state[goal] >= opened and int(g[goal] / bucket) <= current:
+                break
+            current += 1
+            continue
+        heads[slot] = links[entry]
+        links[entry] = spare
+        spare = entry
+        waiting -= 1
+        node = nodes[entry]
+        if state[node] == done:
+            continue
+        state[node] = done
+        base = g[node]
+        half = 0.5 * weight[cost[node]]
+        for k in range(8):
+            neighbour = node + steps[k]
+            level = cost[neighbour]
+            if blocked[level]:
+                continue
+            if lengths[k] > 1.0 and (blocked[cost[node + sides[k, 0]]] or blocked[cost[node + sides[k, 1]]]):
+                continue
+            cheaper = base + lengths[k] * (half + 0.5 * weight[level])
+            if state[neighbour] >= opened and g[neighbour] <= cheaper:
+                continue
+            g[neighbour] = cheaper
+            state[neighbour] = opened
+            parent[neighbour] = k
+            priority = cheaper
+            if guided:
+                priority += octile(neighbour, goal, width)
+            # Rounding may put a priority a hair below the current bucket.
+            into = max(current, int(priority / bucket)) % num_buckets
+            if spare >= 0:
+                fresh = spare
+                spare = links[spare]
+            else:
+                if used == len(nodes):
+                    nodes = np.concatenate((nodes, np.empty(used, dtype=np.int64)))
+                    links = np.concatenate((links, np.empty(used, dtype=np.int64)))
+                fresh = used
+                used += 1
+            nodes[fresh] = neighbour
+            links[fresh] = heads[into]
+            heads[into] = fresh
+            waiting += 1
+    return g[goal] if state[goal] >= opened else np.inf
+
+
+@njit(cache=True)
+def trace(parent: Bytes, start: int, goal: int, width: int) -> Ints:
+    """Return int64 (M,), the flat cells from `start` to `goal` by the parents that `search` left."""
+    steps = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
+    count = 1
+    node = goal
+    while node != start:
+        node -= steps[parent[node]]
+        count += 1
+    path = np.empty(count, dtype=np.int64)
+    node = goal
+    for i in range(count - 1, -1, -1):
+        path[i] = node
+        if i > 0:
+            node -= steps[parent[node]]
+    return path

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: MIT
+"""From a start to a goal on a costmap: endpoints, search, headings, figures."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import PlanningError
+from slamcli.grids import OccupancyGrid
+from slamcli.grids.distance import least_distance
+from slamcli.navigation.costmap import NO_INFORMATION, Costmap, compute_costmap
+from slamcli.navigation.costmap_parameters import CostmapParameters
+from slamcli.navigation.endpoints import Endpoints, NoPathError
+from slamcli.navigation.grid_search import GridSearch
+from slamcli.navigation.navfn import NavFn
+from slamcli.navigation.path_shape import dense, headings, line_integral, simplify
+from slamcli.navigation.planner_parameters import PlannerParameters
+from slamcli.navigation.search_space import Cell, SearchSpace
+
+Method = Literal["navfn", "dijkstra", "astar"]
+METHODS: tuple[Method, ...] = ("navfn", "dijkstra", "astar")
+
+__all__ = ["METHODS", "GlobalPlanner", "Method", "NoPathError", "PlannedPath"]
+
+
+class _Search(Protocol):
+    def find(self, start: Cell, goal: Cell) -> tuple[NDArray[np.float64], float]: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Finder:
+    space: SearchSpace
+    endpoints: Endpoints
+    search: _Search
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlannedPath:
+    """A path in the map frame."""
+
+    points_m: NDArray[np.float64]
+    """float64 (N, 2), x and y in metres, from the start to the goal, N >= 2."""
+    yaws_rad: NDArray[np.float64]
+    """float64 (N,)."""
+    length_m: float
+    """Length of the line through `points_m`."""
+    cost: float
+    """What the planner minimised, in metres of free cells that would cost as much."""
+    clearance_m: float
+    """Least distance from the path to the edge of an occupied cell; inf on a map without any."""
+    unknown_m: float
+    """Length of the path through unknown cells."""
+    goal_offset_m: float
+    """Distance of the path's end from the goal that was asked for (default_tolerance)."""
+    method: Method
+
+
+class GlobalPlanner:
+    """Plans any number of paths on one costmap.
+
+    Parameters
+    ----------
+    costmap
+        Where to plan.
+    parameters
+        How.
+    method
+        navfn, dijkstra or astar.
+    """
+
+    def __init__(self, costmap: Costmap, parameters: PlannerParameters | None = None, method: Method = "navfn") -> None:
+        self.parameters = parameters or PlannerParameters()
+        self.costmap = costmap
+        self.method = method
+        self._lethal = costmap.lethal
+        self._has_unknown = bool((costmap.costs == NO_INFORMATION).any())
+        self._finders: dict[bool, _Finder] = {}
+
+    def plan(self, start: Sequence[float], goal: Sequence[float]) -> PlannedPath:
+        """Return the path from `start` to `goal`, each x, y or x, y, yaw in metres and radians, map frame.
+
+        The path keeps to cells that are neither lethal nor within the inscribed radius (nor unknown, see
+        `allow_unknown`), and begins and ends exactly where it was asked to, `default_tolerance` apart.
+
+        Raises
+        ------
+        NoPathError
+            If an endpoint is outside the map or blocked, or no way joins them; it knows the nearest point that would do.
+        """
+        allow = self.parameters.allow_unknown
+        if allow is not None:
+            return self._plan(start, goal, allow_unknown=allow)
+        try:
+            return self._plan(start, goal, allow_unknown=False)
+        except NoPathError as known:
+            if not self._has_unknown:
+                raise
+            try:
+                return self._plan(start, goal, allow_unknown=True)
+            except NoPathError as any_way:
+                raise (known if known.status == any_way.status else any_way) from None
+
+    def _plan(self, start: Sequence[float], goal: Sequence[float], *, allow_unknown: bool) -> PlannedPath:
+        finder = self._finder(allow_unknown)
+        source, target = finder.endpoints.resolve(start, goal)
+        cells, cost = finder.search.find(source.cell, target.cell)
+        path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
+        if self.parameters.simplify:
+            path = simplify(finder.space, path)
+        if not math.isfinite(line_integral(finder.space, path)):
+            raise PlanningError(
+                f"the {self.method} path from {_show(start)} to {_show(goal)} touches an obstacle: please report this map"
+            )
+        return self._describe(path, cost, start, goal)
+
+    def _finder(self, allow_unknown: bool) -> _Finder:
+        """Return what plans with or without unknown cells; built when it is first needed."""
+        if allow_unknown not in self._finders:
+            space = SearchSpace.build(self.costmap, self.parameters, allow_unknown=allow_unknown)
+            search: _Search = (
+                NavFn(space) if self.method == "navfn" else GridSearch(space, guided=self.method == "astar")
+            )
+            self._finders[allow_unknown] = _Finder(space, Endpoints(space), search)
+        return self._finders[allow_unknown]
+
+    def _describe(
+        self, path_rc: NDArray[np.float64], cost: float, start: Sequence[float], goal: Sequence[float]
+    ) -> PlannedPath:
+        grid = self.costmap.grid
+        points = grid.cell_to_map(path_rc)
+        yaws = headings(
+            points,
+            self.parameters.orientation,
+            self.parameters.orientation_window_size,
+            start[2] if len(start) > 2 else None,
+            goal[2] if len(goal) > 2 else None,
+        )
+        samples = dense(path_rc, 0.5)
+        cells = np.clip(np.floor(samples + 0.5).astype(np.int64), 0, np.array(grid.cells.shape) - 1)
+        steps = np.linalg.norm(np.diff(samples, axis=0), axis=1)
+        unknown = self.costmap.costs[cells[:-1, 0], cells[:-1, 1]] == NO_INFORMATION
+        clearance = least_distance(self._lethal, self.costmap.squared_distance, samples)
+        return PlannedPath(
+            points_m=points,
+            yaws_rad=yaws,
+            length_m=float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()),
+            cost=cost * grid.resolution_m,
+            clearance_m=clearance * grid.resolution_m,
+            unknown_m=float(steps[unknown].sum()) * grid.resolution_m,
+            goal_offset_m=float(math.dist(points[-1], goal[:2])),
+            method=self.method,
+        )
+
+
+def _show(point: Sequence[float]) -> str:
+    return f"({point[0]:g}, {point[1]:g})"
+
+
+def warm() -> None:
+    """Compile the kernels of this room."""
+    cells = np.zeros((4, 4), dtype=np.int8)
+    cells[1, 2] = OccupancyGrid.OCCUPIED
+    costmap = compute_costmap(OccupancyGrid(cells, 0.1), CostmapParameters(robot_radius=0.0))
+    for method in METHODS:
+        GlobalPlanner(costmap, PlannerParameters(simplify=True), method).plan((0.05, 0.05), (0.35, 0.35))
+    with contextlib.suppress(NoPathError):
+        GlobalPlanner(costmap).plan((0.05, 0.05), (0.25, 0.15))

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+"""Parameters of the global planners under the names of navfn and global_planner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slamcli.parameters import parameter
+
+ORIENTATION_MODES = (
+    "none",
+    "forward",
+    "interpolate",
+    "forward_then_interpolate",
+    "backward",
+    "leftward",
+    "rightward",
+)
+"""In global_planner's order: the number of a mode is its place."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerParameters:
+    """What a planner does with the costmap."""
+
+    allow_unknown: bool | None = parameter(
+        None,
+        "Plan through unknown cells, at the greatest cost that is not an obstacle (navfn's default is true). auto: only"
+        " where no way through known cells exists, and said so.",
+        kind=bool,
+    )
+    default_tolerance: float = parameter(
+        0.0,
+        "How far from the goal the path may end, in x and in y, if the goal itself cannot be reached.",
+        unit="m",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    neutral_cost: float = parameter(50.0, "Cost of crossing a free cell; navfn's constant.", minimum=1.0, maximum=250.0)
+    cost_factor: float = parameter(
+        0.8,
+        "What a costmap value adds to it: a cell costs neutral_cost + cost_factor * value, relative to neutral_cost."
+        " 0 looks for the shortest way and takes the costmap only as free or not.",
+        minimum=0.0,
+        maximum=1000.0,
+    )
+    orientation_mode: str = parameter(
+        "forward",
+        "Heading along the path; a goal with yaw ends in it.",
+        choices=(*ORIENTATION_MODES, *(str(i) for i in range(len(ORIENTATION_MODES)))),
+    )
+    orientation_window_size: int = parameter(
+        1, "Poses before and after over which a heading is taken.", minimum=1, maximum=10000
+    )
+    simplify: bool = parameter(
+        False, "Replace stretches by straight lines where these are free and cost no more.", extension=True
+    )
+    visualize_potential: bool = parameter(False, "Accepted; no meaning offline.", effective=False)
+    planner_window_x: float = parameter(0.0, "Accepted; navfn ignores it, too.", unit="m", effective=False)
+    planner_window_y: float = parameter(0.0, "Accepted; navfn ignores it, too.", unit="m", effective=False)
+
+    @property
+    def orientation(self) -> str:
+        """The orientation mode by name."""
+        mode = self.orientation_mode
+        return ORIENTATION_MODES[int(mode)] if mode.isdigit() else mode

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: MIT
+"""A costmap made ready for search: which cells a path may use, what they cost, and which hang together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from slamcli.grids.distance import nearest_cell
+from slamcli.navigation.costmap import INSCRIBED, NO_INFORMATION, Costmap
+from slamcli.navigation.planner_parameters import PlannerParameters
+
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchSpace:
+    """Cells with a border of one blocked cell all around; positions in it are those of the grid plus one."""
+
+    costmap: Costmap
+    parameters: PlannerParameters
+    levels: NDArray[np.uint8]
+    """uint8 (H + 2, W + 2): costmap values, 254 on the border."""
+    blocked: NDArray[np.bool_]
+    """bool (256,): which costmap values a path must not touch."""
+    weight: NDArray[np.float64]
+    """float64 (256,): cost of a unit of length by costmap value, 1 on free cells."""
+    regions: NDArray[np.int32]
+    """int32 (H, W): 0 on blocked cells, else a number that cells share if a path joins them."""
+
+    @classmethod
+    def build(cls, costmap: Costmap, parameters: PlannerParameters, *, allow_unknown: bool = True) -> SearchSpace:
+        """Prepare a costmap for any number of searches."""
+        value = np.arange(256, dtype=np.float64)
+        weight = (parameters.neutral_cost + parameters.cost_factor * value) / parameters.neutral_cost
+        weight[NO_INFORMATION] = weight[INSCRIBED]
+        blocked = value >= INSCRIBED
+        blocked[NO_INFORMATION] = not allow_unknown
+        levels = np.pad(costmap.costs, 1, constant_values=INSCRIBED + 1)
+        # A diagonal step needs both cells beside it, so what hangs together does so by its sides.
+        regions, _ = ndimage.label(~blocked[costmap.costs], output=np.int32)
+        return cls(costmap, parameters, levels, blocked, weight, regions)
+
+    @property
+    def stride(self) -> int:
+        """Number of columns of `levels`."""
+        return int(self.levels.shape[1])
+
+    def flat(self, cell: Cell) -> int:
+        """Return the position of a grid cell in the flattened `levels`."""
+        return (cell[0] + 1) * self.stride + cell[1] + 1
+
+    def cells(self, flat: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return row and column (N, 2) on the grid of flat positions (N,)."""
+        return np.column_stack([flat // self.stride - 1, flat % self.stride - 1])
+
+    def nearest_free(self, point_rc: tuple[float, float], region: int | None = None) -> Cell | None:
+        """Return the nearest cell that a path may use, of one region or of any; None if there is none."""
+        return nearest_cell(self.regions > 0 if region is None else self.regions == region, point_rc)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: MIT
+"""``slamcli generate``: exit codes, JSON, and what it says to a person."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from slamcli.cli.main import run
+
+SHORT = ["--duration", "2", "--set", "laser.beams=31"]
+
+
+def test_json_tells_everything(tmp_path, capsys):
+    out = tmp_path / "o.mcap"
+    code = run(["generate", "office", str(out), *SHORT, "--people", "1", "--imu", "--seed", "9", "--json",
+                "--truth", str(tmp_path / "t.tum"), "--map-out", str(tmp_path / "m.yaml")])  # fmt: skip
+    document = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert {"world", "path", "truth", "map", "seed", "duration_s", "length_m", "messages", "slips_s", "settings",
+            "seconds", "speed_x_real_time"} == set(document)  # fmt: skip
+    assert document["seed"] == 9
+    assert document["messages"]["/imu"] == 201
+    assert document["settings"]["people.count"] == 1
+    assert all((tmp_path / name).exists() for name in ("o.mcap", "t.tum", "m.yaml", "m.pgm"))
+
+
+def test_a_person_reads_one_line_on_stderr(tmp_path, capsys):
+    assert run(["generate", "office", str(tmp_path / "o.bag"), *SHORT]) == 0
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "office: 2.0 s" in said.err
+    assert run(["generate", "office", str(tmp_path / "o.bag"), *SHORT, "-q"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_lists(capsys):
+    assert run(["generate", "--list-worlds"]) == 0
+    assert "office\n" in capsys.readouterr().out
+    assert run(["generate", "--list-settings"]) == 0
+    text = capsys.readouterr().out
+    assert "laser.beams=180" in text
+    assert "laser.sweep=auto" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["ofice"], 2, "did you mean 'office'"),
+        (["office", "--set", "laser.beam=3"], 2, "laser.beams"),
+        (["office", "--set", "nothing.like=3"], 2, "--list-settings"),
+        (["office", "--set", "laser.beams"], 2, "KEY=VALUE"),
+        (["office", "--start", "1,b"], 2, "X,Y,YAW"),
+        (["office", "--start", "1,nan"], 2, "X,Y,YAW"),
+        (["office", "--duration", "-1"], 2, "duration"),
+        (["office", "--start", "0.45,2.6"], 1, "not within 0.5 m"),
+        (["office", "--set", "slip.count=-1"], 2, "slip.count"),
+        (["office", "--format", "foo"], 2, "foo"),
+        (["office", "--compression", "foo"], 2, "foo"),
+    ],
+)
+def test_a_mistake_is_one_line_and_leaves_nothing(tmp_path, capsys, arguments, code, words):
+    out = tmp_path / "o.bag"
+    assert run(["generate", arguments[0], str(out), *arguments[1:]]) == code
+    said = capsys.readouterr()
+    assert words in said.err
+    assert said.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
