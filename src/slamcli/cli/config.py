@@ -43,7 +43,8 @@ def show_command(
 ) -> int:
     """Print every parameter with its value, unit, range, default and source.
 
-    Values come from the defaults, over them the files in their order, over them --set.
+    Values come from the defaults, over them the files in their order, over them --set. An asterisk marks what differs
+    from the default.
     """
     from slamcli.pipelines.config import load_native, show
     from slamcli.runtime import RunLog
@@ -58,7 +59,7 @@ def show_command(
             {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(config.remaps)},
         )
     else:
-        _print_table(rows)
+        _print_list(rows)
     return 0
 
 
@@ -82,7 +83,7 @@ def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_jso
     else:
         for finding in findings:
             click.echo(f"{finding.place}: {finding.severity}: {finding.message}")
-        click.echo(f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes", err=True)
+        click.echo(", ".join(f"{n} {kind}{'s' * (n != 1)}" for kind, n in counts.items()), err=True)
     return 1 if counts["error"] or (strict and counts["warning"]) else 0
 
 
@@ -124,28 +125,22 @@ def _as_record(row: ResolvedParameter) -> dict[str, Any]:
     }
 
 
-def _print_table(rows: Sequence[ResolvedParameter]) -> None:
-    from rich.console import Console as RichConsole
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("parameter", "value", "unit", "default", "range", "source", "meaning"):
-        table.add_column(heading, overflow="fold")
+def _print_list(rows: Sequence[ResolvedParameter]) -> None:
+    """One line per parameter, its meaning below; an asterisk marks what differs from the default."""
     for row in rows:
         entry = row.declaration
-        mark = "*" if row.changed else ""
-        style = "bold" if row.changed else ""
-        table.add_row(
-            Text(entry.name, style),
-            Text(_text(row.value) + mark, style),
-            Text(entry.unit),
-            Text(_text(entry.default)),
-            Text(bounds(entry.minimum, entry.maximum, entry.choices)),
-            Text(row.source, style),
-            Text(entry.help),
-        )
-    RichConsole(soft_wrap=False).print(table)
+        value = f"{_text(row.value)} {entry.unit}".strip()
+        facts = [
+            f"default {_text(entry.default)}" if row.changed else "",
+            bounds(entry.minimum, entry.maximum, entry.choices),
+        ]
+        facts.append(f"from {row.source}" if row.source != "default" else "")
+        facts.append("slamcli's own" if entry.extension else "")
+        facts.append("no effect here" if not entry.effective else "")
+        told = "; ".join(fact for fact in facts if fact)
+        line = click.style(f"{'*' if row.changed else ' '} {entry.name} = {value}", bold=row.changed)
+        click.echo(f"{line}   ({told})" if told else line)
+        click.echo(f"      {entry.help}")
 
 
 def _text(value: Any) -> str:

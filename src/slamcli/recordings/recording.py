@@ -24,7 +24,16 @@ from slamcli.runtime import RunLog
 T = TypeVar("T")
 
 # What decoding bytes that are not what their type says can raise.
-_GARBAGE = (SlamcliError, ValueError, struct.error, IndexError, KeyError, TypeError, AttributeError, OverflowError)
+DECODING_ERRORS = (
+    SlamcliError,
+    ValueError,
+    struct.error,
+    IndexError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+)
 
 
 def open_recording(
@@ -253,7 +262,7 @@ class _TopicDecoder:
         """Return the measurements in a message; what cannot be decoded is counted and left out."""
         try:
             return self._adapter.decode(self._decode_raw(message), stamp_ns, self._context)
-        except _GARBAGE as error:
+        except DECODING_ERRORS as error:
             if not self._num_garbage:
                 self._first_garbage = f"{stamp_ns / 1e9:.6f} s: {error}"
             self._num_garbage += 1
