@@ -20,7 +20,7 @@ from slamcli.navigation.costmap_parameters import CostmapParameters
 from slamcli.navigation.endpoints import Endpoints, NoPathError
 from slamcli.navigation.grid_search import GridSearch
 from slamcli.navigation.navfn import NavFn
-from slamcli.navigation.path_shape import dense, headings, line_integral, simplify
+from slamcli.navigation.path_shape import dense, distinct, headings, line_integral, simplify
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import Cell, SearchSpace
 
@@ -111,7 +111,7 @@ class GlobalPlanner:
         finder = self._finder(allow_unknown)
         source, target = finder.endpoints.resolve(start, goal)
         cells, cost = finder.search.find(source.cell, target.cell)
-        path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
+        path = distinct(np.vstack([source.point_rc, cells[1:-1], target.point_rc]))
         if self.parameters.simplify:
             path = simplify(finder.space, path)
         if not math.isfinite(line_integral(finder.space, path)):

@@ -10,6 +10,7 @@ from slamcli.navigation import _path_kernels as kernels
 from slamcli.navigation.search_space import SearchSpace
 
 _SHARP_TURN_RAD = 0.35
+_COINCIDENT_CELLS = 1e-6
 
 
 def line_integral(space: SearchSpace, path_rc: NDArray[np.float64]) -> float:
@@ -33,6 +34,17 @@ def simplify(space: SearchSpace, path_rc: NDArray[np.float64]) -> NDArray[np.flo
             np.ascontiguousarray(path_rc + 1.0),
             keep,
         )
+    return path_rc[keep]
+
+
+def distinct(path_rc: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the path without points that coincide with the one before (a step without direction); the ends stay."""
+    lengths = np.linalg.norm(np.diff(path_rc, axis=0), axis=1)
+    keep = np.concatenate([[True], lengths > _COINCIDENT_CELLS])
+    keep[-1] = True
+    if len(path_rc) > 2 and lengths[-1] <= _COINCIDENT_CELLS:
+        keep[-2] = False
+        keep[0] = True
     return path_rc[keep]
 
 
