@@ -67,6 +67,8 @@ def test_dijkstra_and_astar_equal_the_naive_search(seed: int, inflation: float) 
     costmap = compute_costmap(grid, CostmapParameters(robot_radius=0.0, inflation_radius=inflation))
     space = SearchSpace.build(costmap, PlannerParameters())
     searches = [GridSearch(space, guided=guided) for guided in (False, True)]
+    prepared = GridSearch(space, guided=True)
+    prepared.prepare()
     random = np.random.default_rng(seed)
     free = np.argwhere(space.regions > 0)
     for _ in range(12):
@@ -76,7 +78,7 @@ def test_dijkstra_and_astar_equal_the_naive_search(seed: int, inflation: float) 
             assert space.regions[start] != space.regions[goal]
             continue
         assert space.regions[start] == space.regions[goal]
-        for search in searches:
+        for search in [*searches, prepared]:
             path, cost = search.find(start, goal)
             assert cost == pytest.approx(expected, abs=1e-9)
             assert tuple(path[0]) == start

@@ -27,6 +27,18 @@ def octile(a: int, b: int, width: int) -> float:
 
 
 @njit(cache=True)
+def lower_bound(landmarks: Floats, a: int, b: int, width: int) -> float:
+    """Return a cost that no path between two flat cells can undercut: octile distance, or what a landmark tells.
+
+    landmarks : float64 (N, K), the cost from each of K cells to each cell, 0 where there is no way.
+    """
+    bound = octile(a, b, width)
+    for k in range(landmarks.shape[1]):
+        bound = max(bound, abs(landmarks[a, k] - landmarks[b, k]))
+    return bound
+
+
+@njit(cache=True)
 def search(
     cost: Bytes,
     weight: Floats,
@@ -35,6 +47,7 @@ def search(
     start: int,
     goal: int,
     guided: bool,
+    landmarks: Floats,
     bucket: float,
     num_buckets: int,
     g: Floats,
@@ -47,8 +60,8 @@ def search(
     Parameters
     ----------
     cost : uint8 (N,) costs with a blocked border; weight : float64 (256,) weight of a cell per unit length, at least
-    1 where not blocked; blocked : bool (256,); width : columns with border; guided : A* with the octile distance, else
-    Dijkstra; bucket : width of a priority bucket; num_buckets : more than the greatest rise of the priority over one
+    1 where not blocked; blocked : bool (256,); width : columns with border; guided : A* with `lower_bound`, else
+    Dijkstra; landmarks : see `lower_bound`; bucket : width of a priority bucket; num_buckets : more than the greatest rise of the priority over one
     edge, in buckets; g : float64 (N,), state : int64 (N,), parent : uint8 (N,) work space that is kept from call to
     call; generation : a number that grows by one from call to call, from 1.
 
@@ -69,7 +82,7 @@ def search(
     g[start] = 0.0
     state[start] = opened
     parent[start] = 255
-    current = int((octile(start, goal, width) if guided else 0.0) / bucket)
+    current = int((lower_bound(landmarks, start, goal, width) if guided else 0.0) / bucket)
     nodes[0], links[0], used = start, -1, 1
     heads[current % num_buckets] = 0
     while waiting > 0:
@@ -105,7 +118,7 @@ def search(
             parent[neighbour] = k
             priority = cheaper
             if guided:
-                priority += octile(neighbour, goal, width)
+                priority += lower_bound(landmarks, neighbour, goal, width)
             # Rounding may put a priority a hair below the current bucket.
             into = max(current, int(priority / bucket)) % num_buckets
             if spare >= 0:

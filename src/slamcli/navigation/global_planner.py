@@ -107,6 +107,12 @@ class GlobalPlanner:
             except NoPathError as any_way:
                 raise (known if known.status == any_way.status else any_way) from None
 
+    def prepare_for_many(self) -> None:
+        """Do now what makes many queries faster; a single one is not worth it."""
+        search = self._finder(bool(self.parameters.allow_unknown)).search
+        if isinstance(search, GridSearch):
+            search.prepare()
+
     def _plan(self, start: Sequence[float], goal: Sequence[float], *, allow_unknown: bool) -> PlannedPath:
         finder = self._finder(allow_unknown)
         source, target = finder.endpoints.resolve(start, goal)
