@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 SQRT2 = 1.4142135623730951
+HAIR = 1e-9
+"""Costs that differ by less are the same."""
 
 
 @njit(cache=True)
@@ -68,8 +70,9 @@ def search(
     Notes
     -----
     An edge costs its length times the mean weight of its two cells. Cells wait in buckets of priorities; those of one
-    bucket are taken in any order and again where they got cheaper, so the result is exact: the search ends when the
-    goal's own bucket is empty, and then no waiting cell can be on a cheaper way.
+    bucket are taken newest first and again where they got cheaper, and are dropped where they cannot beat the cheapest way
+    to the goal that is known. So the result is exact: the search ends when the goal's own bucket is empty, and then no
+    waiting cell can be on a cheaper way.
     """
     steps = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
     sides = np.array([[-1, -width], [0, 0], [1, -width], [0, 0], [0, 0], [-1, width], [0, 0], [1, width]])
@@ -77,19 +80,21 @@ def search(
     heads = np.full(num_buckets, -1)
     nodes = np.empty(1024, dtype=np.int64)
     links = np.empty(1024, dtype=np.int64)
+    hopes = np.empty(1024, dtype=np.float64)
+    known = 0.0 if start == goal else np.inf
     used, spare, waiting = 0, -1, 1
     opened, done = 2 * generation, 2 * generation + 1
     g[start] = 0.0
     state[start] = opened
     parent[start] = 255
     current = int((lower_bound(landmarks, start, goal, width) if guided else 0.0) / bucket)
-    nodes[0], links[0], used = start, -1, 1
+    nodes[0], links[0], hopes[0], used = start, -1, 0.0, 1
     heads[current % num_buckets] = 0
     while waiting > 0:
         slot = current % num_buckets
         entry = heads[slot]
         if entry < 0:
-            if state[goal] >= opened and int(g[goal] / bucket) <= current:
+            if int(min(known, 1e15) / bucket) <= current:
                 break
             current += 1
             continue
@@ -98,7 +103,7 @@ def search(
         spare = entry
         waiting -= 1
         node = nodes[entry]
-        if state[node] == done:
+        if state[node] == done or hopes[entry] > known - HAIR:
             continue
         state[node] = done
         base = g[node]
@@ -119,6 +124,10 @@ def search(
             priority = cheaper
             if guided:
                 priority += lower_bound(landmarks, neighbour, goal, width)
+            if neighbour == goal:
+                known = cheaper
+            if priority > known - HAIR:
+                continue
             # Rounding may put a priority a hair below the current bucket.
             into = max(current, int(priority / bucket)) % num_buckets
             if spare >= 0:
@@ -128,9 +137,11 @@ def search(
                 if used == len(nodes):
                     nodes = np.concatenate((nodes, np.empty(used, dtype=np.int64)))
                     links = np.concatenate((links, np.empty(used, dtype=np.int64)))
+                    hopes = np.concatenate((hopes, np.empty(used, dtype=np.float64)))
                 fresh = used
                 used += 1
             nodes[fresh] = neighbour
+            hopes[fresh] = priority
             links[fresh] = heads[into]
             heads[into] = fresh
             waiting += 1
