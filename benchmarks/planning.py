@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from slamcli.grids import OccupancyGrid
+from slamcli.grids import OccupancyGrid, distance
+from slamcli.navigation import grid_search, navfn, path_shape
 from slamcli.navigation.costmap import compute_costmap
 from slamcli.navigation.costmap_parameters import CostmapParameters
-from slamcli.navigation.global_planner import METHODS, GlobalPlanner, warm
+from slamcli.navigation.global_planner import METHODS, GlobalPlanner
 
 
 def read_scenarios(map_path: Path) -> tuple[OccupancyGrid, list[list[str]]]:
@@ -88,7 +89,8 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take every Nth scenario")
     parser.add_argument("--skip-large", action="store_true")
     options = parser.parse_args()
-    warm()
+    for module in (distance, grid_search, navfn, path_shape):
+        module.warm()
     if not options.skip_large:
         run_large(4000)
     run_scenarios(options.data / "movingai", options.every)

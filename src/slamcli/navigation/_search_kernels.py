@@ -10,7 +10,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -41,10 +40,14 @@ def lower_bound(landmarks: Floats, a: int, b: int, width: int) -> float:
 
 
 @njit(cache=True)
+def _doubled(values: Ints) -> Ints:
+    return np.concatenate((values, values))
+
+
+@njit(cache=True)
 def search(
     cost: Bytes,
     weight: Floats,
-    blocked: Bools,
     width: int,
     start: int,
     goal: int,
@@ -62,7 +65,7 @@ def search(
     Parameters
     ----------
     cost : uint8 (N,) costs with a blocked border; weight : float64 (256,) weight of a cell per unit length, at least
-    1 where not blocked; blocked : bool (256,); width : columns with border; guided : A* with `lower_bound`, else
+    1, inf where blocked; width : columns with border; guided : A* with `lower_bound`, else
     Dijkstra; landmarks : see `lower_bound`; bucket : width of a priority bucket; num_buckets : more than the greatest rise of the priority over one
     edge, in buckets; g : float64 (N,), state : int64 (N,), parent : uint8 (N,) work space that is kept from call to
     call; generation : a number that grows by one from call to call, from 1.
@@ -78,9 +81,7 @@ def search(
     sides = np.array([[-1, -width], [0, 0], [1, -width], [0, 0], [0, 0], [-1, width], [0, 0], [1, width]])
     lengths = np.array([SQRT2, 1.0, SQRT2, 1.0, 1.0, SQRT2, 1.0, SQRT2])
     heads = np.full(num_buckets, -1)
-    nodes = np.empty(1024, dtype=np.int64)
-    links = np.empty(1024, dtype=np.int64)
-    hopes = np.empty(1024, dtype=np.float64)
+    nodes, links, hopes = np.zeros(1024, dtype=np.int64), np.zeros(1024, dtype=np.int64), np.zeros(1024)
     known = 0.0 if start == goal else np.inf
     used, spare, waiting = 0, -1, 1
     opened, done = 2 * generation, 2 * generation + 1
@@ -110,12 +111,12 @@ def search(
         half = 0.5 * weight[cost[node]]
         for k in range(8):
             neighbour = node + steps[k]
-            level = cost[neighbour]
-            if blocked[level]:
+            toll = weight[cost[neighbour]]
+            if toll == np.inf:
                 continue
-            if lengths[k] > 1.0 and (blocked[cost[node + sides[k, 0]]] or blocked[cost[node + sides[k, 1]]]):
+            if lengths[k] > 1.0 and max(weight[cost[node + sides[k, 0]]], weight[cost[node + sides[k, 1]]]) == np.inf:
                 continue
-            cheaper = base + lengths[k] * (half + 0.5 * weight[level])
+            cheaper = base + lengths[k] * (half + 0.5 * toll)
             if state[neighbour] >= opened and g[neighbour] <= cheaper:
                 continue
             g[neighbour] = cheaper
@@ -130,16 +131,14 @@ def search(
                 continue
             # Rounding may put a priority a hair below the current bucket.
             into = max(current, int(priority / bucket)) % num_buckets
-            if spare >= 0:
-                fresh = spare
-                spare = links[spare]
-            else:
+            if spare < 0:
                 if used == len(nodes):
-                    nodes = np.concatenate((nodes, np.empty(used, dtype=np.int64)))
-                    links = np.concatenate((links, np.empty(used, dtype=np.int64)))
-                    hopes = np.concatenate((hopes, np.empty(used, dtype=np.float64)))
+                    nodes, links, hopes = _doubled(nodes), _doubled(links), np.concatenate((hopes, hopes))
                 fresh = used
                 used += 1
+            else:
+                fresh = spare
+                spare = links[spare]
             nodes[fresh] = neighbour
             hopes[fresh] = priority
             links[fresh] = heads[into]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import PlanningError
 from slamcli.navigation import _search_kernels as kernels
-from slamcli.navigation.search_space import Cell, SearchSpace
+from slamcli.navigation.search_space import Cell, SearchSpace, sample_space
 
 _BUCKET = 0.5
 _MAX_BUCKETS = 1 << 20
@@ -37,6 +37,7 @@ class GridSearch:
         self._guided = guided
         size = space.levels.size
         self._levels = np.ascontiguousarray(space.levels).reshape(-1)
+        self._weight = np.where(space.blocked, np.inf, space.weight)
         self._g = np.empty(size, dtype=np.float64)
         self._state = np.zeros(size, dtype=np.int64)
         self._parent = np.empty(size, dtype=np.uint8)
@@ -97,8 +98,7 @@ class GridSearch:
         self._generation += 1
         cost: float = kernels.search(
             self._levels,
-            space.weight,
-            space.blocked,
+            self._weight,
             space.stride,
             source,
             target,
@@ -112,3 +112,10 @@ class GridSearch:
             self._generation,
         )
         return cost
+
+
+def warm() -> None:
+    """Compile the kernels of this module."""
+    search = GridSearch(sample_space(), guided=True)
+    search.prepare()
+    search.find((0, 0), (3, 3))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.navigation import _path_kernels as kernels
-from slamcli.navigation.search_space import SearchSpace
+from slamcli.navigation.search_space import SearchSpace, sample_space
 
 _SHARP_TURN_RAD = 0.35
 _COINCIDENT_CELLS = 1e-6
@@ -35,6 +35,20 @@ def simplify(space: SearchSpace, path_rc: NDArray[np.float64]) -> NDArray[np.flo
             keep,
         )
     return path_rc[keep]
+
+
+def anchored(
+    cells_rc: NDArray[np.float64], start_rc: NDArray[np.float64], goal_rc: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return a path over neighbouring cells (N, 2) shifted so that it runs from `start_rc` to `goal_rc`.
+
+    The offset from the centres goes over from that of the start to that of the goal, so that there is no kink at the ends.
+    Every point stays in its cell, and a line between neighbours in the two or four cells around it, which are all free.
+    """
+    if len(cells_rc) == 1:
+        return np.vstack([start_rc, goal_rc])
+    share = np.linspace(0.0, 1.0, len(cells_rc))[:, None]
+    return cells_rc + (1.0 - share) * (start_rc - cells_rc[0]) + share * (goal_rc - cells_rc[-1])
 
 
 def distinct(path_rc: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -108,3 +122,9 @@ def _interpolate(first: float, last: float, count: int) -> NDArray[np.float64]:
 
 def _wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def warm() -> None:
+    """Compile the kernels of this module."""
+    space = sample_space()
+    line_integral(space, simplify(space, np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]])))
