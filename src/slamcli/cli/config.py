@@ -14,7 +14,7 @@ from slamcli.cli.options import json_option
 
 if TYPE_CHECKING:
     from slamcli.native.checks import Finding
-    from slamcli.pipelines.config import ResolvedParameter
+    from slamcli.pipelines.config_show import ResolvedParameter
 
 
 @click.group()
@@ -23,7 +23,12 @@ def command() -> None:
 
 
 @command.command("show")
-@click.option("--algo", default="gmapping", show_default=True, help="SLAM system whose parameters to show.")
+@click.option(
+    "--algo",
+    default="gmapping",
+    show_default=True,
+    help="A SLAM system, or navigation (what plan reads), or simulation (what generate reads).",
+)
 @click.option(
     "--config",
     "files",
@@ -46,17 +51,17 @@ def show_command(
     Values come from the defaults, over them the files in their order, over them --set. An asterisk marks what differs
     from the default.
     """
-    from slamcli.pipelines.config import load_native, show
+    from slamcli.pipelines.config_show import show
     from slamcli.runtime import RunLog
 
     log = RunLog()
-    config = load_native(algo, files, sets, log, _launch_arguments(arguments))
-    rows = [row for row in show(config) if row.source != "default" or not changed]
+    shown = show(algo, files, sets, log, _launch_arguments(arguments))
+    rows = [row for row in shown.parameters if row.source != "default" or not changed]
     with Console() as console:
         console.tell(log)
     if as_json:
         print_json(
-            {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(config.remaps)},
+            {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(shown.remaps)},
         )
     else:
         _print_list(rows)
@@ -129,9 +134,9 @@ def _print_list(rows: Sequence[ResolvedParameter]) -> None:
     """One line per parameter, its meaning below; an asterisk marks what differs from the default."""
     for row in rows:
         entry = row.declaration
-        value = f"{_text(row.value)} {entry.unit}".strip()
+        value = f"{shown_value(row.value)} {entry.unit}".strip()
         facts = [
-            f"default {_text(entry.default)}" if row.changed else "",
+            f"default {shown_value(entry.default)}" if row.changed else "",
             bounds(entry.minimum, entry.maximum, entry.choices),
         ]
         facts.append(f"from {row.source}" if row.source != "default" else "")
@@ -143,7 +148,8 @@ def _print_list(rows: Sequence[ResolvedParameter]) -> None:
         click.echo(f"      {entry.help}")
 
 
-def _text(value: Any) -> str:
+def shown_value(value: Any) -> str:
+    """Return a value as it is written in a configuration; auto is what is derived from the data."""
     if value is None:
         return "auto"
     if isinstance(value, bool):
