@@ -10,6 +10,7 @@ import click
 
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
+from slamcli.cli.recording_options import recording_options
 
 
 @click.command(name="view")
@@ -40,6 +41,7 @@ from slamcli.cli.options import json_option, verbosity_options
     help="Recordings: draw so many scans, spread evenly, where odometry says the robot was.",
 )  # fmt: skip
 @click.option("--open", "open_it", is_flag=True, help="Show the picture with the desktop's viewer.")
+@recording_options
 @json_option
 @verbosity_options
 def command(
@@ -52,11 +54,12 @@ def command(
     start_s: float | None,
     duration_s: float | None,
     scans: int,
+    mends: Any,
     open_it: bool,
     as_json: bool,
     verbosity: int,
 ) -> int:
-    r"""Draw a recording, a result or a map.
+    """Draw a recording, a result or a map.
 
     SOURCE is a folder that `slamcli map` wrote, a map's .yaml, one or more trajectory files, or a recording (several
     files that belong together count as one).
@@ -67,7 +70,9 @@ def command(
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
     slamcli view intel -o intel.mcap            map, path, poses and tf for Foxglove and RViz
     slamcli view drive.bag                      topics over time, odometry and scans
-    """
+
+    Exit codes: 0 drawn, 2 wrong usage or input.
+    """  # noqa: D301
     from slamcli.pipelines.view import ViewOptions, view
     from slamcli.runtime import RunLog
 
@@ -81,6 +86,7 @@ def command(
             start_s=start_s,
             duration_s=duration_s,
             scans=scans,
+            mends=mends,
         )
         seen = view(list(sources), output, options, log)
         console.tell(log)

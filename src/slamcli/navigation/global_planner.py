@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import PlanningError
+from slamcli.grids import OccupancyGrid
 from slamcli.grids.distance import least_distance
-from slamcli.navigation.costmap import NO_INFORMATION, Costmap
+from slamcli.navigation.costmap import NO_INFORMATION, Costmap, compute_costmap
+from slamcli.navigation.costmap_parameters import CostmapParameters
 from slamcli.navigation.endpoints import Endpoints, NoPathError
 from slamcli.navigation.grid_search import GridSearch
 from slamcli.navigation.navfn import NavFn
@@ -158,3 +161,14 @@ class GlobalPlanner:
 
 def _show(point: Sequence[float]) -> str:
     return f"({point[0]:g}, {point[1]:g})"
+
+
+def warm() -> None:
+    """Compile the kernels of this room."""
+    cells = np.zeros((4, 4), dtype=np.int8)
+    cells[1, 2] = OccupancyGrid.OCCUPIED
+    costmap = compute_costmap(OccupancyGrid(cells, 0.1), CostmapParameters(robot_radius=0.0))
+    for method in METHODS:
+        GlobalPlanner(costmap, PlannerParameters(simplify=True), method).plan((0.05, 0.05), (0.35, 0.35))
+    with contextlib.suppress(NoPathError):
+        GlobalPlanner(costmap).plan((0.05, 0.05), (0.25, 0.15))

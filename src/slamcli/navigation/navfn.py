@@ -82,8 +82,3 @@ def traversal_costs(space: SearchSpace) -> NDArray[np.uint8]:
     if not space.blocked[NO_INFORMATION]:
         cost[NO_INFORMATION] = kernels.OBSTACLE - 1
     return cost.astype(np.uint8)
-
-
-def warm(space: SearchSpace) -> None:
-    """Compile the kernels of this module."""
-    NavFn(space).find((0, 0), (space.regions.shape[0] - 1, space.regions.shape[1] - 1))

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from slamcli.pipelines.view_alignment import Alignment, laid_over
 from slamcli.reports.figures import map_png, raster, track
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from slamcli.recordings.mends import Mends
 
 _RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
@@ -56,6 +59,8 @@ class ViewOptions:
     duration_s: float | None = None
     scans: int = 200
     """Number of scans that are drawn of a recording, spread over it."""
+    mends: Mends | None = None
+    """What is mended while a recording is read."""
 
 
 def view(

@@ -164,7 +164,7 @@ class FreeSpace:
         origin, target = here[0] * width + here[1], there[0] * width + there[1]
         if self._areas[here] != self._areas[there]:
             raise PlanningError(self._no_way(start, goal))
-        _, before = csgraph.dijkstra(self._graph, directed=False, indices=origin, return_predecessors=True)
+        _, before = csgraph.dijkstra(self._graph, indices=origin, return_predecessors=True)
         indices = [target]
         while indices[-1] != origin:
             indices.append(before[indices[-1]])
@@ -233,6 +233,7 @@ def _graph(room: Array, clearance_m: float) -> sparse.csr_matrix:
         columns.append(index[b][both])
         costs.append(math.hypot(dr, dc) * (price[a][both] + price[b][both]) / 2)
     count = height * width
-    return sparse.csr_matrix(
+    one_way = sparse.csr_matrix(
         (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))), shape=(count, count)
     )
+    return (one_way + one_way.T).tocsr()
