@@ -38,7 +38,7 @@ def test_walls_rooms_boxes_and_circles(tmp_path):
         rooms: [[0, 0, 4, 3]]
         boxes: [{at: [2, 1], size: [1, 0.5], yaw: 90}]
         circles: [{at: [3, 2], radius: 0.2, repeat: [2, 3], step: [1, 2]}]
-        start: [1, 2, 90]
+        start: [1, 2, 9e1]
         """,
     )
     assert world.segments.shape == (2 + 4 + 4, 4)

@@ -7,6 +7,7 @@ docs/generate.md lists all keys. Every message names the file and the entry.
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -25,6 +26,7 @@ from slamcli.simulation.world import Walker, World
 
 ReadGrid = Callable[[Path], OccupancyGrid]
 
+_EXPONENT = re.compile(r"[-+]?\d{1,9}[eE][-+]?\d{1,3}")
 _MAX_BYTES = 4_000_000
 _MAX_SHAPES = 200_000
 _SECTIONS = tuple(dict.fromkeys(d.name.split(".")[0] for d in declarations(SimulationParameters)))
@@ -226,6 +228,8 @@ class _Reader:
         return str(value)
 
     def number(self, value: Any, where: str, low: float = -1e6, high: float = 1e6) -> float:
+        if isinstance(value, str) and _EXPONENT.fullmatch(value):
+            value = float(value)  # YAML 1.1 reads 1e3 as text
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
             self.fail(where, f"{_shown(value)} is not a number between {low:g} and {high:g}")
         return float(value)
