@@ -244,7 +244,7 @@ def _inputs(run: Mapping[str, Any]) -> str:
         for i in run.get("inputs") or ()
         if isinstance(i, Mapping)
     ]
-    return page.table(["file", "size", "SHA-256"], rows)
+    return page.table(["file", "size", "SHA-256"], rows, numeric=[1])
 
 
 def _reproduce(run: Mapping[str, Any]) -> str:
