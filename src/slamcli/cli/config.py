@@ -134,9 +134,9 @@ def _print_list(rows: Sequence[ResolvedParameter]) -> None:
     """One line per parameter, its meaning below; an asterisk marks what differs from the default."""
     for row in rows:
         entry = row.declaration
-        value = f"{_text(row.value)} {entry.unit}".strip()
+        value = f"{shown_value(row.value)} {entry.unit}".strip()
         facts = [
-            f"default {_text(entry.default)}" if row.changed else "",
+            f"default {shown_value(entry.default)}" if row.changed else "",
             bounds(entry.minimum, entry.maximum, entry.choices),
         ]
         facts.append(f"from {row.source}" if row.source != "default" else "")
@@ -148,7 +148,8 @@ def _print_list(rows: Sequence[ResolvedParameter]) -> None:
         click.echo(f"      {entry.help}")
 
 
-def _text(value: Any) -> str:
+def shown_value(value: Any) -> str:
+    """Return a value as it is written in a configuration; auto is what is derived from the data."""
     if value is None:
         return "auto"
     if isinstance(value, bool):

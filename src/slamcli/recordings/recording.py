@@ -44,16 +44,20 @@ def open_recording(
 ) -> Recording:
     """Open a recording (one path, or several split files that belong together) to read its measurements.
 
+    CARMEN (``.log``, ``.clf``, also ``.gz``) and BreezySLAM logs (``exp*.dat``) are read as they are.
+
     Raises
     ------
     RecordingError
         If a file is missing, or is no recording.
     """
+    from slamcli.recordings.classic_log import open_classic
     from slamcli.recordings.containers import open_raw
 
     log = log if log is not None else RunLog()
-    listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-    recording = Recording(open_raw([Path(path) for path in listed], log), mends=mends or Mends(), log=log)
+    listed = [Path(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
+    raw: RawReader = open_classic(listed, log) or open_raw(listed, log)
+    recording = Recording(raw, mends=mends or Mends(), log=log)
     try:
         recording.check_mends()
     except SlamcliError:
