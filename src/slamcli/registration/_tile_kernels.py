@@ -278,3 +278,16 @@ def align(view, points, start, prior, information, window, fullness, noise, scal
         if dx * dx + dy * dy < 1e-8 and dyaw * dyaw < 1e-8:
             break
     return x, y, yaw, quality
+
+
+@njit(cache=True, nogil=True)
+def align_particles(cells, tables, corner_x, corner_y, delta, points, directions, poses, information, scores, likelihoods, first, last,
+                    window, fullness, free_check, sigma, lsigma, minimum_score, noise, scale, max_iterations):  # fmt: skip
+    """Align particles first to last - 1 with the surfaces of their maps; poses move where the score is over the minimum."""
+    for p in range(first, last):
+        view = (cells, tables[p], corner_x, corner_y, delta)
+        x, y, yaw, _ = align(view, points, poses[p], poses[p], information, window, fullness, noise, scale, max_iterations)
+        scores[p] = score_pose(view, points, directions, x, y, yaw, window, fullness, free_check, sigma)
+        if scores[p] > minimum_score:
+            poses[p, 0], poses[p, 1], poses[p, 2] = x, y, yaw
+        likelihoods[p] = log_likelihood(view, points, directions, poses[p, 0], poses[p, 1], poses[p, 2], window, fullness, free_check, lsigma)
