@@ -237,6 +237,7 @@ def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tup
         content.grid,
         trajectory=content.trajectory,
         truth=content.truth[1] if content.truth is not None else None,
+        truth_label=content.truth[0] if content.truth is not None else "",
         title=title,
         max_pixels=options.max_pixels,
     )
