@@ -153,6 +153,29 @@ def test_a_recording_of_scans_alone(tmp_path, capsys):
     assert "neither odometry nor transforms" in told["notes"][0]
 
 
+def test_transforms_place_scans_where_there_is_no_odometry_topic(tmp_path, capsys):
+    with create_recording(tmp_path / "tf.mcap") as bag:
+        for i in range(30):
+            for parent, child, x in (("odom", "base_link", 0.1 * i), ("base_link", "laser", 0.2)):
+                bag.write("/tf", FrameTransform(stamp_ns=BEGIN + i * 10**8, parent_frame_id=parent, child_frame_id=child, position_m=np.array([x, 0.0, 0.0]), quat_xyzw=quaternion.from_yaw(0.0)))  # fmt: skip
+            bag.write("/scan", LaserScan(stamp_ns=BEGIN + i * 10**8, frame_id="laser", angle_min_rad=0.0, angle_increment_rad=0.1, range_min_m=0.1, range_max_m=10.0, ranges_m=np.ones(20, dtype=np.float32)))  # fmt: skip
+    assert run(["view", str(tmp_path / "tf.mcap"), "--json"]) == 0
+    told = facts(capsys)
+    assert told["scans_drawn"] == 30
+    assert told["paths"] == [{"source": "transforms odom > laser", "poses": 30, "length_m": pytest.approx(2.9)}]
+
+
+def test_ground_truth_in_another_frame_starts_where_odometry_does(tmp_path, capsys):
+    with create_recording(tmp_path / "gt.mcap") as bag:
+        for i, pose in enumerate(loop().poses_se2):
+            for topic, frame, shift in (("/odom", "odom", 0.0), ("/ground_truth", "map", 50.0)):
+                bag.write(topic, Odometry(stamp_ns=BEGIN + i * 10**8, frame_id=frame, child_frame_id="base_link", position_m=np.array([pose[0] + shift, pose[1], 0.0]), quat_xyzw=quaternion.from_yaw(pose[2])))  # fmt: skip
+    for align, width_m in (("auto", 6.0), ("none", 60.0)):
+        assert run(["view", str(tmp_path / "gt.mcap"), "--align", align, "-o", str(tmp_path / f"{align}.png")]) == 0
+        assert (size(tmp_path / f"{align}.png")[1] > 1200) == (width_m < 10)
+    capsys.readouterr()
+
+
 def test_an_empty_recording(tmp_path, capsys):
     with create_recording(tmp_path / "e.mcap"):
         pass

@@ -15,7 +15,9 @@ from slamcli.cli.options import json_option, verbosity_options
 # Modules under slamcli with a `warm()` that calls each of their kernels on tiny input.
 ROOMS = (
     "grids.distance",
-    "navigation.global_planner",
+    "navigation.grid_search",
+    "navigation.navfn",
+    "navigation.path_shape",
     "registration.tile_matching",
     "simulation.drive",
     "simulation.raycast",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from slamcli.errors import PlanningError
 from slamcli.navigation import _navfn_kernels as kernels
 from slamcli.navigation.costmap import INSCRIBED, NO_INFORMATION
-from slamcli.navigation.search_space import Cell, SearchSpace
+from slamcli.navigation.search_space import Cell, SearchSpace, sample_space
 
 STEP_CELLS = 0.5
 """Length of a step down the gradient."""
@@ -82,3 +82,8 @@ def traversal_costs(space: SearchSpace) -> NDArray[np.uint8]:
     if not space.blocked[NO_INFORMATION]:
         cost[NO_INFORMATION] = kernels.OBSTACLE - 1
     return cost.astype(np.uint8)
+
+
+def warm() -> None:
+    """Compile the kernels of this module."""
+    NavFn(sample_space()).find((0, 0), (3, 3))

@@ -96,26 +96,25 @@ class LineReader:
                 if not line:
                     return
                 number += 1
-                kind, _, rest = line.partition(b" ")
+                kind, *values = line.split()[: MAX_BEAMS * 3] or [b"#"]
                 parse = _PARSERS.get(kind)
                 if parse is None:
-                    if not line.startswith(b"#") and kind.strip():
-                        self.ignored[kind.strip()[:20].decode("ascii", errors="replace")] += 1
+                    if not kind.startswith(b"#"):
+                        self.ignored[kind[:20].decode("ascii", errors="replace")] += 1
                     continue
                 try:
-                    yield parse(rest.split())
+                    yield parse(values)
                 except (ValueError, IndexError, OverflowError, InvalidOperation) as error:
                     self.num_malformed += 1
                     self.first_malformed = self.first_malformed or f"line {number}: {_reason(error)}"
 
     def _open(self) -> IO[bytes]:
         try:
-            stream = self.path.open("rb")
-            packed = stream.read(2) == _GZIP_MAGIC
-            stream.seek(0)
+            with self.path.open("rb") as stream:
+                packed = stream.read(2) == _GZIP_MAGIC
+            return gzip.open(self.path, "rb") if packed else self.path.open("rb")  # type: ignore[return-value]
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot be read ({error.strerror or error})") from error
-        return gzip.GzipFile(fileobj=stream) if packed else stream  # type: ignore[return-value]
 
 
 def is_carmen(path: Path) -> bool:

@@ -18,9 +18,14 @@ if TYPE_CHECKING:
     from slamcli.recordings.recording import Recording
 
 
+def is_transform_topic(topic: Topic) -> bool:
+    """Return whether a topic holds transforms (tf or tf_static)."""
+    return topic.msgtype in TF_ADAPTER.msgtypes
+
+
 def transform_topics(recording: Recording) -> tuple[tuple[Topic, ...], tuple[Topic, ...]]:
     """Return the topics of static and of stamped transforms (TFMessage)."""
-    found = [topic for topic in recording.contents.topics if topic.msgtype in TF_ADAPTER.msgtypes]
+    found = [topic for topic in recording.contents.topics if is_transform_topic(topic)]
     static = tuple(topic for topic in found if is_static_topic(topic.name))
     return static, tuple(topic for topic in found if topic not in static)
 

@@ -17,7 +17,7 @@ from slamcli.simulation.world import World
 Array = NDArray[np.float64]
 
 _BORDER_M = 1.0
-_MAX_CELLS = 100_000_000
+_MAX_CELLS = 40_000_000
 _MAX_PLANNING_CELLS = 400_000
 _FINEST_PLANNING_M = 0.1
 
@@ -28,7 +28,7 @@ def rasterise(world: World, resolution_m: float) -> OccupancyGrid:
     Raises
     ------
     ConfigError
-        If the world needs more than 100 million cells.
+        If the world needs more than 40 million cells.
     """
     x0, y0, x1, y1 = world.bounds
     x0, y0 = (math.floor((v - _BORDER_M) / resolution_m) * resolution_m for v in (x0, y0))

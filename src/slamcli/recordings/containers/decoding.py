@@ -16,6 +16,7 @@ from rosbags.typesys.store import Typestore
 from slamcli.errors import RecordingError
 from slamcli.recordings.raw import Topic
 
+_TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 _IDL_SEPARATOR = "=" * 80 + "\nIDL: "
 TYPE_ERRORS = (
     TypesysError,
@@ -61,8 +62,6 @@ def definition_types(topic: Topic) -> dict[str, Any]:
 
 def _completed(types: dict[str, Any], topic: Topic) -> dict[str, Any]:
     """Add the types that a definition uses without holding them, as ROS ships them."""
-    if "roslib/msg/Header" in types:  # its name before 2010
-        types.setdefault("std_msgs/msg/Header", types["roslib/msg/Header"])
     shipped = shipped_types(topic.encoding).fielddefs
     waiting = [topic.msgtype]
     seen: set[str] = set()
@@ -88,7 +87,10 @@ def _used_type(field: Any) -> str:
 @functools.cache
 def shipped_types(encoding: str) -> Typestore:
     """Return the types that ROS ships, of ROS 1 for ``ros1``, of ROS 2 else."""
-    return get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST)
+    store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST)
+    if _TF_MESSAGE not in store.fielddefs:  # rosbags leaves out the package
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _TF_MESSAGE))
+    return store
 
 
 def completed_topic(topic: Topic) -> Topic:
