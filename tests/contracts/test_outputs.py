@@ -32,7 +32,7 @@ def test_a_file_appears_when_the_block_ends_and_not_before(tmp_path):
 def test_an_error_leaves_what_was_there(tmp_path):
     target = tmp_path / "a.txt"
     target.write_text("old")
-    with pytest.raises(ZeroDivisionError), atomic_file(target, "wb") as stream:
+    with pytest.raises(ZeroDivisionError), atomic_file(target, "wb") as stream:  # noqa: PT012
         stream.write(b"half")
         raise ZeroDivisionError
     assert target.read_text() == "old"
@@ -58,7 +58,7 @@ def test_a_folder_replaces_the_earlier_runs_files_and_keeps_the_users(tmp_path):
 def test_an_error_leaves_the_folder_that_was_there(tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "a").write_text("old")
-    with pytest.raises(ZeroDivisionError), atomic_directory(tmp_path / "out") as folder:
+    with pytest.raises(ZeroDivisionError), atomic_directory(tmp_path / "out") as folder:  # noqa: PT012
         (folder / "a").write_text("half")
         raise ZeroDivisionError
     assert (tmp_path / "out" / "a").read_text() == "old"
