@@ -115,7 +115,7 @@ def convert(declaration: Declaration, value: Any) -> Any:
         return declaration.default
     try:
         converted = _as_kind(declaration.kind, value)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         kind = {"bool": "true or false", "int": "a whole number", "float": "a number"}.get(
             declaration.kind.__name__, "text"
         )

@@ -45,7 +45,7 @@ for m in pkgutil.walk_packages(slamcli.__path__, "slamcli."):
 print(json.dumps(sorted(set({HEAVY!r}) & set(sys.modules))))
 """
     loaded = set(json.loads(run_python(code)))
-    assert not loaded & {"open3d", "gtsam", "matplotlib"}
+    assert not loaded & {"open3d", "gtsam"}
 
 
 @pytest.mark.parametrize(

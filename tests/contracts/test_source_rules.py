@@ -111,7 +111,11 @@ def test_every_kernel_file_has_a_twin_test(path):
     wrappers = [p.stem for p in path.parent.glob("*.py") if path.stem in p.read_text() and p != path]
     ways_in = [f"{room} import {module}" for module in (path.stem, *wrappers)]
     ways_in += [f"{room}.{module} import" for module in (path.stem, *wrappers)]
-    twins = [text for text in TESTS if "naive" in text and any(way in text for way in ways_in)]
+    twins = [
+        text
+        for text in TESTS
+        if any(word in text for word in ("naive", "twin", "brute")) and any(way in text for way in ways_in)
+    ]
     assert len(twins) >= 1, f"no test with a naive twin comes to {path.stem} by {ways_in}"
 
 

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from slamcli.errors import ConfigError
+from slamcli.errors import ConfigError, UsageError
 from slamcli.parameters import parameter
 from slamcli.pipelines import config
-from slamcli.pipelines.config import load_native, show
+from slamcli.pipelines.config import load_native
+from slamcli.pipelines.config_show import show
 from slamcli.runtime import RunLog
 
 
@@ -51,7 +52,7 @@ def test_files_win_over_defaults_later_files_over_earlier_and_the_command_line_o
     }
     assert loaded.scan_topic == "/laser"
     assert log.notes == [f"tf_delay ({launch}:3) has no effect here: Only for a live system."]
-    rows = {row.declaration.name: row for row in show(load_native("gmapping", sets=["particles=30"]))}
+    rows = {row.declaration.name: row for row in show("gmapping", sets=["particles=30"]).parameters}
     assert (rows["particles"].source, rows["particles"].changed) == ("--set", False)
     assert (rows["str"].source, rows["str"].value) == ("default", 0.1)
 
@@ -77,3 +78,23 @@ def test_files_win_over_defaults_later_files_over_earlier_and_the_command_line_o
 def test_errors_have_a_place(tmp_path, name, text, sets, message):
     with pytest.raises(ConfigError, match=message):
         load_native("gmapping", [write(tmp_path / name, text)], sets)
+
+
+def test_the_planners_parameters_under_all_their_spellings(tmp_path):
+    first = write(
+        tmp_path / "a.yaml", "global_costmap:\n  robot_radius: 0.2\n  inflation_layer: {inflation_radius: 0.4}\n"
+    )
+    rows = {row.declaration.name: row for row in show("navigation", [first], ["inflation_radius=0.7"]).parameters}
+    assert (rows["robot_radius"].value, rows["robot_radius"].source) == (0.2, f"{first}:2")
+    assert (rows["inflation_layer.inflation_radius"].value, rows["inflation_layer.inflation_radius"].source) == (
+        0.7,
+        "--set",
+    )
+    assert (rows["default_tolerance"].value, rows["default_tolerance"].source) == (0.0, "default")
+
+
+def test_the_simulations_parameters():
+    rows = {row.declaration.name: row for row in show("simulation", sets=["laser.beams=90"]).parameters}
+    assert (rows["laser.beams"].value, rows["laser.beams"].source, rows["laser.beams"].changed) == (90, "--set", True)
+    with pytest.raises(UsageError, match="world file"):
+        show("simulation", [Path("x.yaml")])

@@ -37,16 +37,23 @@ def test_what_lies_outside_is_left_out(white, points):
     assert white.shape == (60, 80, 3)
 
 
-def test_dashes_leave_gaps(white):
-    raster.stroke(white, [(0, 30), (80, 30)], (0, 0, 0), 1.0, dash_px=10)
-    row = white[30, :, 0]
-    assert row[3] < 160
-    assert row[15] == 255
+@pytest.mark.parametrize("radius", [3.0, 11.9, 12.1, 25.0])
+def test_disc_area(white, radius):
+    raster.disc(white, (40.0, 30.0), radius, (0, 0, 0))
+    assert (255 - white[..., 0].astype(float)).sum() / 255 == pytest.approx(np.pi * radius**2, rel=0.02)
 
 
-def test_disc_area(white):
-    raster.disc(white, (40.0, 30.0), 10.0, (0, 0, 0))
-    assert (255 - white[..., 0].astype(float)).sum() / 255 == pytest.approx(np.pi * 100, rel=0.02)
+@pytest.mark.parametrize("width", [1e3, 1e9])
+def test_a_stroke_wider_than_the_image_fills_it(white, width):
+    raster.stroke(white, [(0, 0), (80, 60)], (1, 2, 3), width)
+    assert (white == (1, 2, 3)).all()
+
+
+def test_large_and_small_discs_meet(white):
+    other = white.copy()
+    raster.stroke(white, [(10, 10), (70, 50)], (0, 0, 0), 23.9)
+    raster.stroke(other, [(10, 10), (70, 50)], (0, 0, 0), 24.1)
+    assert np.abs(white.astype(int) - other).mean() < 3
 
 
 @pytest.mark.parametrize("at", [(0, 0), (75, 55), (-20, -5), (500, 500)])

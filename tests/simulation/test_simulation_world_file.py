@@ -13,6 +13,12 @@ from slamcli.grids import OccupancyGrid
 from slamcli.simulation import is_world_file, load_world
 from slamcli.simulation.builtin import find_world, world_names
 
+LAYERS = "bcdefghij"
+BOMB = "walkers:\n- &a [0, 0]\n" + "".join(
+    f"- &{new} [{', '.join(['*' + old] * 9)}]\n" for old, new in zip("a" + LAYERS, LAYERS, strict=False)
+)
+"""A few hundred bytes that would print as 9^9 points."""
+
 
 def load(tmp_path, text, read_grid=None):
     path = tmp_path / "w.yaml"
@@ -32,7 +38,7 @@ def test_walls_rooms_boxes_and_circles(tmp_path):
         rooms: [[0, 0, 4, 3]]
         boxes: [{at: [2, 1], size: [1, 0.5], yaw: 90}]
         circles: [{at: [3, 2], radius: 0.2, repeat: [2, 3], step: [1, 2]}]
-        start: [1, 2, 90]
+        start: [1, 2, 9e1]
         """,
     )
     assert world.segments.shape == (2 + 4 + 4, 4)
@@ -116,6 +122,17 @@ def test_grid_is_read_beside_the_file(tmp_path):
         ("grid: m.yaml", ["grid"]),
         ("grid: 5", ["grid", "map.yaml"]),
         ("name: nothing", ["nothing in this world"]),
+        ("rooms: [[0,0,1,1]]\nname: [1, 2]", ["name", "not text"]),
+        ("rooms: [[0,0,1,1]]\nlaser: {beams: [1, 2]}", ["laser.beams", "not one value"]),
+        ("rooms: [[0,0,1,1]]\nlaser: {beams: .inf}", ["laser.beams", "whole number"]),
+        ("rooms: [[0,0,1,1]]\nlaser: {noise: .inf}", ["laser.noise", "between"]),
+        ("rooms: [[0,0,1,1]]\nlaser: {noise: 0x" + "f" * 9000 + "}", ["laser.noise", "hundreds of digits"]),
+        ("rooms: [[0,0,1,0x" + "f" * 9000 + "]]", ["rooms[0]", "hundreds of digits"]),
+        ("rooms: [[0,0,[0x" + "f" * 9000 + "],1]]", ["rooms[0]"]),
+        (BOMB + "rooms: [[0,0,1,1]]\nname: *j", ["name"]),
+        (BOMB + "walls: *j", ["walls[0]"]),
+        (BOMB + "rooms: [[0,0,1,1]]\nlaser: {beams: *j}", ["walkers[0]"]),
+        (BOMB + "rooms: [[0,0,1,1]]\nstart: *j", ["start"]),
         ("", ["table"]),
         ("[1, 2]", ["table"]),
         ("a: [", ["line", "YAML"]),

@@ -14,7 +14,7 @@ from slamcli.cli.options import json_option
 
 if TYPE_CHECKING:
     from slamcli.native.checks import Finding
-    from slamcli.pipelines.config import ResolvedParameter
+    from slamcli.pipelines.config_show import ResolvedParameter
 
 
 @click.group()
@@ -23,7 +23,12 @@ def command() -> None:
 
 
 @command.command("show")
-@click.option("--algo", default="gmapping", show_default=True, help="SLAM system whose parameters to show.")
+@click.option(
+    "--algo",
+    default="gmapping",
+    show_default=True,
+    help="A SLAM system, or navigation (what plan reads), or simulation (what generate reads).",
+)
 @click.option(
     "--config",
     "files",
@@ -43,22 +48,23 @@ def show_command(
 ) -> int:
     """Print every parameter with its value, unit, range, default and source.
 
-    Values come from the defaults, over them the files in their order, over them --set.
+    Values come from the defaults, over them the files in their order, over them --set. An asterisk marks what differs
+    from the default.
     """
-    from slamcli.pipelines.config import load_native, show
+    from slamcli.pipelines.config_show import show
     from slamcli.runtime import RunLog
 
     log = RunLog()
-    config = load_native(algo, files, sets, log, _launch_arguments(arguments))
-    rows = [row for row in show(config) if row.source != "default" or not changed]
+    shown = show(algo, files, sets, log, _launch_arguments(arguments))
+    rows = [row for row in shown.parameters if row.source != "default" or not changed]
     with Console() as console:
         console.tell(log)
     if as_json:
         print_json(
-            {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(config.remaps)},
+            {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(shown.remaps)},
         )
     else:
-        _print_table(rows)
+        _print_list(rows)
     return 0
 
 
@@ -82,7 +88,7 @@ def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_jso
     else:
         for finding in findings:
             click.echo(f"{finding.place}: {finding.severity}: {finding.message}")
-        click.echo(f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes", err=True)
+        click.echo(", ".join(f"{n} {kind}{'s' * (n != 1)}" for kind, n in counts.items()), err=True)
     return 1 if counts["error"] or (strict and counts["warning"]) else 0
 
 
@@ -124,31 +130,26 @@ def _as_record(row: ResolvedParameter) -> dict[str, Any]:
     }
 
 
-def _print_table(rows: Sequence[ResolvedParameter]) -> None:
-    from rich.console import Console as RichConsole
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("parameter", "value", "unit", "default", "range", "source", "meaning"):
-        table.add_column(heading, overflow="fold")
+def _print_list(rows: Sequence[ResolvedParameter]) -> None:
+    """One line per parameter, its meaning below; an asterisk marks what differs from the default."""
     for row in rows:
         entry = row.declaration
-        mark = "*" if row.changed else ""
-        style = "bold" if row.changed else ""
-        table.add_row(
-            Text(entry.name, style),
-            Text(_text(row.value) + mark, style),
-            Text(entry.unit),
-            Text(_text(entry.default)),
-            Text(bounds(entry.minimum, entry.maximum, entry.choices)),
-            Text(row.source, style),
-            Text(entry.help),
-        )
-    RichConsole(soft_wrap=False).print(table)
+        value = f"{shown_value(row.value)} {entry.unit}".strip()
+        facts = [
+            f"default {shown_value(entry.default)}" if row.changed else "",
+            bounds(entry.minimum, entry.maximum, entry.choices),
+        ]
+        facts.append(f"from {row.source}" if row.source != "default" else "")
+        facts.append("slamcli's own" if entry.extension else "")
+        facts.append("no effect here" if not entry.effective else "")
+        told = "; ".join(fact for fact in facts if fact)
+        line = click.style(f"{'*' if row.changed else ' '} {entry.name} = {value}", bold=row.changed)
+        click.echo(f"{line}   ({told})" if told else line)
+        click.echo(f"      {entry.help}")
 
 
-def _text(value: Any) -> str:
+def shown_value(value: Any) -> str:
+    """Return a value as it is written in a configuration; auto is what is derived from the data."""
     if value is None:
         return "auto"
     if isinstance(value, bool):

@@ -108,5 +108,5 @@ def run(arguments: list[str] | None = None) -> int:
 
 
 def _fail(message: str, code: int) -> int:
-    click.echo(f"slamcli: {message}", err=True)
+    click.echo(f"slamcli: {' '.join(message.split())}", err=True)  # one line, whatever a parser or a file's name holds
     return code

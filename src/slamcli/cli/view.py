@@ -4,22 +4,28 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
+from slamcli.cli.recording_options import recording_options
 
 
 @click.command(name="view")
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
-    help="Where the picture goes (.png). Default: view.png in a result folder, else NAME-view.png beside the source.",
+    help="Where the picture goes (.png), or a result as an .mcap for Foxglove. Default: view.png in a result folder, else NAME-view.png beside the source.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), metavar="FILE",
-    help="Ground truth (TUM, KITTI or EuRoC), drawn in green; it has to be in the same frame.",
+    help="Ground truth (TUM, KITTI or EuRoC), drawn in green.",
+)  # fmt: skip
+@click.option(
+    "--align", type=click.Choice(["auto", "fit", "start", "none"]), default="auto", show_default=True,
+    help="How the others are laid over the first trajectory: fitted, from the same start, or as they are. auto fits files, and lays topics of another frame from the same start.",
 )  # fmt: skip
 @click.option("--title", help="Line above the picture. Default: the name of what is shown.")
 @click.option(
@@ -35,22 +41,25 @@ from slamcli.cli.options import json_option, verbosity_options
     help="Recordings: draw so many scans, spread evenly, where odometry says the robot was.",
 )  # fmt: skip
 @click.option("--open", "open_it", is_flag=True, help="Show the picture with the desktop's viewer.")
+@recording_options
 @json_option
 @verbosity_options
 def command(
     sources: tuple[Path, ...],
     output: Path | None,
     truth: Path | None,
+    align: Any,
     title: str | None,
     max_pixels: int,
     start_s: float | None,
     duration_s: float | None,
     scans: int,
+    mends: Any,
     open_it: bool,
     as_json: bool,
     verbosity: int,
 ) -> int:
-    r"""Draw a recording, a result or a map.
+    """Draw a recording, a result or a map.
 
     SOURCE is a folder that `slamcli map` wrote, a map's .yaml, one or more trajectory files, or a recording (several
     files that belong together count as one).
@@ -59,15 +68,25 @@ def command(
     slamcli view intel                          the map with the trajectory on it, intel/view.png
     slamcli view map.yaml -o map.png            any map that map_server reads
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
+    slamcli view intel -o intel.mcap            map, path, poses and tf for Foxglove and RViz
     slamcli view drive.bag                      topics over time, odometry and scans
-    """
+
+    Exit codes: 0 drawn, 2 wrong usage or input.
+    """  # noqa: D301
     from slamcli.pipelines.view import ViewOptions, view
     from slamcli.runtime import RunLog
 
     with Console(verbosity) as console:
         log = RunLog(console)
         options = ViewOptions(
-            truth=truth, title=title, max_pixels=max_pixels, start_s=start_s, duration_s=duration_s, scans=scans
+            truth=truth,
+            align=align,
+            title=title,
+            max_pixels=max_pixels,
+            start_s=start_s,
+            duration_s=duration_s,
+            scans=scans,
+            mends=mends,
         )
         seen = view(list(sources), output, options, log)
         console.tell(log)

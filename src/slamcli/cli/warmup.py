@@ -13,7 +13,15 @@ from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
 
 # Modules under slamcli with a `warm()` that calls each of their kernels on tiny input.
-ROOMS = ("simulation.drive", "simulation.raycast")
+ROOMS = (
+    "grids.distance",
+    "navigation.grid_search",
+    "navigation.navfn",
+    "navigation.path_shape",
+    "registration.tile_matching",
+    "simulation.drive",
+    "simulation.raycast",
+)
 
 
 @click.command()

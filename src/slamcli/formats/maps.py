@@ -54,8 +54,8 @@ class MapFile:
 def read_map(yaml_path: str | os.PathLike[str], *, dialect: Dialect = "ros1") -> MapFile:
     """Read a map as ROS 1 map_server does, or as nav2 does.
 
-    The picture's path is taken relative to the YAML's folder unless it is absolute. Keys that are missing: `mode` is
-    trinary, `negate` 0, and in nav2 thresholds may be missing too (0.65 and 0.25 there); all others must be given.
+    The picture's path is taken relative to the YAML's folder unless it is absolute. Keys that may be missing
+    are `mode` (trinary) and `negate` (0).
 
     Raises
     ------

@@ -28,6 +28,8 @@ _TURNING_SCANS = 400
 """Scans during which the robot turned that the estimate of the clock offset rests on, where there are that many."""
 _TRUSTED_QUALITY = 0.5
 _SLIP_SIGMAS = 5.0
+_BAD_CLOCK = 0.01
+"""Share of backward stamps from which on a clock is not believed."""
 
 
 class GmappingMapper:
@@ -41,23 +43,18 @@ class GmappingMapper:
         self._parameters, self._setup = parameters, setup
         self._scans: list[LaserScan] = []
         self._skipped = 0
-        self._arrivals: list[int] = []
-        self._is_scan: list[bool] = []
-        self._odometry: list[NDArray[np.float64]] = []
+        self._odometry: list[Odometry] = []
+        self._places: list[int] = []
 
     def process(self, measurement: Measurement) -> None:
         """Take the next scan or odometry message; anything else has no meaning here."""
         if isinstance(measurement, LaserScan):
+            if self._skipped % self._parameters.throttle_scans == 0:
+                self._scans.append(measurement)
             self._skipped += 1
-            if (self._skipped - 1) % self._parameters.throttle_scans:
-                return
-            self._scans.append(measurement)
         elif isinstance(measurement, Odometry):
-            self._odometry.append(measurement.pose_se2)
-        else:
-            return
-        self._arrivals.append(measurement.stamp_ns)
-        self._is_scan.append(isinstance(measurement, LaserScan))
+            self._odometry.append(measurement)
+            self._places.append(len(self._scans))
 
     def finish(self) -> MappingResult:
         """Run the filter over everything and return the best particle's map and trajectory."""
@@ -88,17 +85,29 @@ class GmappingMapper:
         )
 
     def _clocks(self) -> tuple[NDArray[np.int64], WheelOdometry | None]:
-        """Return increasing stamps of the scans, and the odometry on the same clock."""
-        smooth = smooth_stamps(np.array(self._arrivals, dtype=np.int64))
-        is_scan = np.array(self._is_scan)
+        """Return increasing stamps of the scans, and the odometry with increasing stamps.
+
+        Where a clock runs backwards again and again its stamps do not tell what came first; the recorded order does.
+        """
+        scans = np.array([scan.stamp_ns for scan in self._scans], dtype=np.int64)
         if not self._odometry:
             if not self._parameters.scan_odometry:
                 raise UsageError(
                     "there is no odometry in the recording, and scan_odometry is false: nothing tells how the robot moved"
                 )
             self._setup.log.warn("no odometry: the motion between scans comes from the scans alone")
-            return smooth[is_scan], None
-        return smooth[is_scan], WheelOdometry(smooth[~is_scan], np.array(self._odometry))
+            return smooth_stamps(scans), None
+        odometry = np.array([sample.stamp_ns for sample in self._odometry], dtype=np.int64)
+        poses = np.array([sample.pose_se2 for sample in self._odometry])
+        if max(_share_backward(scans), _share_backward(odometry)) < _BAD_CLOCK:
+            return smooth_stamps(scans), WheelOdometry(smooth_stamps(odometry), poses)
+        places = np.array(self._places)
+        both = smooth_stamps(np.insert(scans, places, odometry))
+        is_odometry = np.insert(np.zeros(len(scans), np.bool_), places, True)
+        self._setup.log.note(
+            "stamps run backwards again and again: the recorded order decides which odometry belongs to which scan"
+        )
+        return both[~is_odometry], WheelOdometry(both[is_odometry], poses)
 
     def _beam_models(self) -> dict[str, BeamModel]:
         mounts = self._setup.T_base_laser
@@ -296,6 +305,10 @@ def between_updates(
             poses[first:last] += share * error
     poses[:, 2] = se2.wrap_angle(poses[:, 2])
     return poses
+
+
+def _share_backward(stamps_ns: NDArray[np.int64]) -> float:
+    return float((np.diff(stamps_ns) < 0).mean()) if len(stamps_ns) > 1 else 0.0
 
 
 def _pose(row: NDArray[np.float64]) -> Pose:

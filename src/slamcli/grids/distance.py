@@ -69,10 +69,10 @@ def least_distance(mask: NDArray[np.bool_], squared: NDArray[np.int64], points_r
         float64 (N, 2), row and column with centres at whole numbers, on the grid.
     """
     points = np.asarray(points_rc, dtype=np.float64).reshape(-1, 2)
-    cells = np.clip(np.rint(points).astype(np.int64), 0, np.array(mask.shape) - 1)
-    near = np.sqrt(squared[cells[:, 0], cells[:, 1]].astype(np.float64))
     if not len(points) or squared.flat[0] < 0:
         return float("inf")
+    cells = np.clip(np.rint(points).astype(np.int64), 0, np.array(mask.shape) - 1)
+    near = np.sqrt(squared[cells[:, 0], cells[:, 1]].astype(np.float64))
     # A point is up to 0.71 cells off its cell's centre, and so is the obstacle's edge.
     close = near <= near.min() + 3.0
     rings = np.ceil(near[close] + 2.0).astype(np.int64)

@@ -14,6 +14,7 @@ from slamcli.errors import DataError, EstimationError
 from slamcli.grids import _tile_kernels as _kernels
 from slamcli.grids.occupancy import OccupancyGrid
 
+_RESERVED_TILES = 1 << 16  # 1 GiB of address space; the system gives memory to the tiles that are written
 _MAX_TILES_PER_SIDE = 1 << 14  # 26 km at 5 cm: a pose beyond it is a broken one
 
 
@@ -42,9 +43,10 @@ class TiledMaps:
         self._check_size(rows, columns)
         self._corner = (row, column)
         self.tables: NDArray[np.int32] = np.zeros((num_maps, max(rows, 1), max(columns, 1)), np.int32)
-        self.cells: NDArray[np.float32] = np.zeros((16, _kernels.TILE, _kernels.TILE, 4), np.float32)
-        self._owners: NDArray[np.int32] = np.zeros(16, np.int32)
-        self._free: list[int] = list(range(15, 0, -1))
+        self.cells: NDArray[np.float32] = np.zeros((_RESERVED_TILES, _kernels.TILE, _kernels.TILE, 4), np.float32)
+        self._owners: NDArray[np.int32] = np.zeros(_RESERVED_TILES, np.int32)
+        self._free: list[int] = []
+        self._next = 1
 
     @property
     def origin(self) -> tuple[float, float]:
@@ -54,7 +56,7 @@ class TiledMaps:
     @property
     def num_tiles(self) -> int:
         """Number of distinct tiles in use."""
-        return len(self.cells) - 1 - len(self._free)
+        return self._next - 1 - len(self._free)
 
     def add_scan(
         self,
@@ -135,12 +137,13 @@ class TiledMaps:
         return copies
 
     def _allocate(self, count: int) -> NDArray[np.int32]:
-        while len(self._free) < count:
-            size = len(self.cells)
-            self.cells = np.concatenate([self.cells, np.zeros((size // 2, *self.cells.shape[1:]), np.float32)])
-            self._owners = np.concatenate([self._owners, np.zeros(size // 2, np.int32)])
-            self._free = list(range(len(self.cells) - 1, size - 1, -1)) + self._free
-        fresh = np.array([self._free.pop() for _ in range(count)], np.int32)
+        reused = [self._free.pop() for _ in range(min(count, len(self._free)))]
+        end = self._next + count - len(reused)
+        while end > len(self.cells):
+            self.cells = np.concatenate([self.cells, np.zeros_like(self.cells)])
+            self._owners = np.concatenate([self._owners, np.zeros_like(self._owners)])
+        fresh = np.array([*reused, *range(self._next, end)], np.int32)
+        self._next = end
         self._owners[fresh] = 1
         return fresh
 

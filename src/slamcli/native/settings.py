@@ -27,8 +27,8 @@ class Setting:
 
     @property
     def source(self) -> str:
-        """Where it stands: ``file:line``."""
-        return f"{self.file}:{self.line}"
+        """Where it stands: ``file:line``, or what stands for a file that has no lines (``--set``)."""
+        return f"{self.file}:{self.line}" if self.line else self.file
 
 
 def merge(settings: Iterable[Setting]) -> Mapping[str, Setting]:

@@ -10,12 +10,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 SQRT2 = 1.4142135623730951
+HAIR = 1e-9
+"""Costs that differ by less are the same."""
 
 
 @njit(cache=True)
@@ -27,14 +28,31 @@ def octile(a: int, b: int, width: int) -> float:
 
 
 @njit(cache=True)
+def lower_bound(landmarks: Floats, a: int, b: int, width: int) -> float:
+    """Return a cost that no path between two flat cells can undercut: octile distance, or what a landmark tells.
+
+    landmarks : float64 (N, K), the cost from each of K cells to each cell, 0 where there is no way.
+    """
+    bound = octile(a, b, width)
+    for k in range(landmarks.shape[1]):
+        bound = max(bound, abs(landmarks[a, k] - landmarks[b, k]))
+    return bound
+
+
+@njit(cache=True)
+def _doubled(values: Ints) -> Ints:
+    return np.concatenate((values, values))
+
+
+@njit(cache=True)
 def search(
     cost: Bytes,
     weight: Floats,
-    blocked: Bools,
     width: int,
     start: int,
     goal: int,
     guided: bool,
+    landmarks: Floats,
     bucket: float,
     num_buckets: int,
     g: Floats,
@@ -47,36 +65,37 @@ def search(
     Parameters
     ----------
     cost : uint8 (N,) costs with a blocked border; weight : float64 (256,) weight of a cell per unit length, at least
-    1 where not blocked; blocked : bool (256,); width : columns with border; guided : A* with the octile distance, else
-    Dijkstra; bucket : width of a priority bucket; num_buckets : more than the greatest rise of the priority over one
+    1, inf where blocked; width : columns with border; guided : A* with `lower_bound`, else
+    Dijkstra; landmarks : see `lower_bound`; bucket : width of a priority bucket; num_buckets : more than the greatest rise of the priority over one
     edge, in buckets; g : float64 (N,), state : int64 (N,), parent : uint8 (N,) work space that is kept from call to
     call; generation : a number that grows by one from call to call, from 1.
 
     Notes
     -----
     An edge costs its length times the mean weight of its two cells. Cells wait in buckets of priorities; those of one
-    bucket are taken in any order and again where they got cheaper, so the result is exact: the search ends when the
-    goal's own bucket is empty, and then no waiting cell can be on a cheaper way.
+    bucket are taken newest first and again where they got cheaper, and are dropped where they cannot beat the cheapest way
+    to the goal that is known. So the result is exact: the search ends when the goal's own bucket is empty, and then no
+    waiting cell can be on a cheaper way.
     """
     steps = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
     sides = np.array([[-1, -width], [0, 0], [1, -width], [0, 0], [0, 0], [-1, width], [0, 0], [1, width]])
     lengths = np.array([SQRT2, 1.0, SQRT2, 1.0, 1.0, SQRT2, 1.0, SQRT2])
     heads = np.full(num_buckets, -1)
-    nodes = np.empty(1024, dtype=np.int64)
-    links = np.empty(1024, dtype=np.int64)
+    nodes, links, hopes = np.zeros(1024, dtype=np.int64), np.zeros(1024, dtype=np.int64), np.zeros(1024)
+    known = 0.0 if start == goal else np.inf
     used, spare, waiting = 0, -1, 1
     opened, done = 2 * generation, 2 * generation + 1
     g[start] = 0.0
     state[start] = opened
     parent[start] = 255
-    current = int((octile(start, goal, width) if guided else 0.0) / bucket)
-    nodes[0], links[0], used = start, -1, 1
+    current = int((lower_bound(landmarks, start, goal, width) if guided else 0.0) / bucket)
+    nodes[0], links[0], hopes[0], used = start, -1, 0.0, 1
     heads[current % num_buckets] = 0
     while waiting > 0:
         slot = current % num_buckets
         entry = heads[slot]
         if entry < 0:
-            if state[goal] >= opened and int(g[goal] / bucket) <= current:
+            if int(min(known, 1e15) / bucket) <= current:
                 break
             current += 1
             continue
@@ -85,19 +104,19 @@ def search(
         spare = entry
         waiting -= 1
         node = nodes[entry]
-        if state[node] == done:
+        if state[node] == done or hopes[entry] > known - HAIR:
             continue
         state[node] = done
         base = g[node]
         half = 0.5 * weight[cost[node]]
         for k in range(8):
             neighbour = node + steps[k]
-            level = cost[neighbour]
-            if blocked[level]:
+            toll = weight[cost[neighbour]]
+            if toll == np.inf:
                 continue
-            if lengths[k] > 1.0 and (blocked[cost[node + sides[k, 0]]] or blocked[cost[node + sides[k, 1]]]):
+            if lengths[k] > 1.0 and max(weight[cost[node + sides[k, 0]]], weight[cost[node + sides[k, 1]]]) == np.inf:
                 continue
-            cheaper = base + lengths[k] * (half + 0.5 * weight[level])
+            cheaper = base + lengths[k] * (half + 0.5 * toll)
             if state[neighbour] >= opened and g[neighbour] <= cheaper:
                 continue
             g[neighbour] = cheaper
@@ -105,19 +124,23 @@ def search(
             parent[neighbour] = k
             priority = cheaper
             if guided:
-                priority += octile(neighbour, goal, width)
+                priority += lower_bound(landmarks, neighbour, goal, width)
+            if neighbour == goal:
+                known = cheaper
+            if priority > known - HAIR:
+                continue
             # Rounding may put a priority a hair below the current bucket.
             into = max(current, int(priority / bucket)) % num_buckets
-            if spare >= 0:
-                fresh = spare
-                spare = links[spare]
-            else:
+            if spare < 0:
                 if used == len(nodes):
-                    nodes = np.concatenate((nodes, np.empty(used, dtype=np.int64)))
-                    links = np.concatenate((links, np.empty(used, dtype=np.int64)))
+                    nodes, links, hopes = _doubled(nodes), _doubled(links), np.concatenate((hopes, hopes))
                 fresh = used
                 used += 1
+            else:
+                fresh = spare
+                spare = links[spare]
             nodes[fresh] = neighbour
+            hopes[fresh] = priority
             links[fresh] = heads[into]
             heads[into] = fresh
             waiting += 1

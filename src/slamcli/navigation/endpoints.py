@@ -37,7 +37,9 @@ class Endpoint:
 
     cell: Cell
     point_rc: NDArray[np.float64]
-    """float64 (2,), row and column with centres at whole numbers."""
+    """float64 (2,), row and column with centres at whole numbers, within the cell by a hair."""
+    point_m: tuple[float, float]
+    """The point itself: x, y in metres, map frame."""
 
 
 class Endpoints:
@@ -75,7 +77,7 @@ class Endpoints:
         cell = (math.floor(row + _HAIR), math.floor(column + _HAIR))
         # Within its cell by more than a rounding error, so that lines from it start in that cell.
         inside = [min(max(v - k, _HAIR), 1.0 - _HAIR) + k - 0.5 for v, k in zip((row, column), cell, strict=True)]
-        return Endpoint(cell, np.array(inside))
+        return Endpoint(cell, np.array(inside), (float(point[0]), float(point[1])))
 
     def _region(self, cell: Cell) -> int:
         regions = self._space.regions

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from slamcli.errors import PlanningError
 from slamcli.grids.distance import least_distance
 from slamcli.navigation.costmap import NO_INFORMATION, Costmap
-from slamcli.navigation.endpoints import Endpoints, NoPathError
+from slamcli.navigation.endpoints import Endpoint, Endpoints, NoPathError
 from slamcli.navigation.grid_search import GridSearch
 from slamcli.navigation.navfn import NavFn
-from slamcli.navigation.path_shape import dense, headings, line_integral, simplify
+from slamcli.navigation.path_shape import anchored, dense, distinct, headings, line_integral, simplify
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import Cell, SearchSpace
 
@@ -104,18 +104,28 @@ class GlobalPlanner:
             except NoPathError as any_way:
                 raise (known if known.status == any_way.status else any_way) from None
 
+    def prepare_for_many(self) -> None:
+        """Do now what makes many queries faster; a single one is not worth it."""
+        search = self._finder(bool(self.parameters.allow_unknown)).search
+        if isinstance(search, GridSearch):
+            search.prepare()
+
     def _plan(self, start: Sequence[float], goal: Sequence[float], *, allow_unknown: bool) -> PlannedPath:
         finder = self._finder(allow_unknown)
         source, target = finder.endpoints.resolve(start, goal)
         cells, cost = finder.search.find(source.cell, target.cell)
-        path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
+        if isinstance(finder.search, GridSearch):
+            path = anchored(cells, source.point_rc, target.point_rc)
+        else:
+            path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
+        path = distinct(path)
         if self.parameters.simplify:
             path = simplify(finder.space, path)
         if not math.isfinite(line_integral(finder.space, path)):
             raise PlanningError(
                 f"the {self.method} path from {_show(start)} to {_show(goal)} touches an obstacle: please report this map"
             )
-        return self._describe(path, cost, start, goal)
+        return self._describe(path, cost, (source, target), start, goal)
 
     def _finder(self, allow_unknown: bool) -> _Finder:
         """Return what plans with or without unknown cells; built when it is first needed."""
@@ -128,10 +138,16 @@ class GlobalPlanner:
         return self._finders[allow_unknown]
 
     def _describe(
-        self, path_rc: NDArray[np.float64], cost: float, start: Sequence[float], goal: Sequence[float]
+        self,
+        path_rc: NDArray[np.float64],
+        cost: float,
+        ends: tuple[Endpoint, Endpoint],
+        start: Sequence[float],
+        goal: Sequence[float],
     ) -> PlannedPath:
         grid = self.costmap.grid
         points = grid.cell_to_map(path_rc)
+        points[0], points[-1] = ends[0].point_m, ends[1].point_m
         yaws = headings(
             points,
             self.parameters.orientation,

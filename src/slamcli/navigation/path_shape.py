@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.navigation import _path_kernels as kernels
-from slamcli.navigation.search_space import SearchSpace
+from slamcli.navigation.search_space import SearchSpace, sample_space
 
 _SHARP_TURN_RAD = 0.35
+_COINCIDENT_CELLS = 1e-6
 
 
 def line_integral(space: SearchSpace, path_rc: NDArray[np.float64]) -> float:
@@ -33,6 +34,31 @@ def simplify(space: SearchSpace, path_rc: NDArray[np.float64]) -> NDArray[np.flo
             np.ascontiguousarray(path_rc + 1.0),
             keep,
         )
+    return path_rc[keep]
+
+
+def anchored(
+    cells_rc: NDArray[np.float64], start_rc: NDArray[np.float64], goal_rc: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return a path over neighbouring cells (N, 2) shifted so that it runs from `start_rc` to `goal_rc`.
+
+    The offset from the centres goes over from that of the start to that of the goal, so that there is no kink at the ends.
+    Every point stays in its cell, and a line between neighbours in the two or four cells around it, which are all free.
+    """
+    if len(cells_rc) == 1:
+        return np.vstack([start_rc, goal_rc])
+    share = np.linspace(0.0, 1.0, len(cells_rc))[:, None]
+    return cells_rc + (1.0 - share) * (start_rc - cells_rc[0]) + share * (goal_rc - cells_rc[-1])
+
+
+def distinct(path_rc: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the path without points that coincide with the one before (a step without direction); the ends stay."""
+    lengths = np.linalg.norm(np.diff(path_rc, axis=0), axis=1)
+    keep = np.concatenate([[True], lengths > _COINCIDENT_CELLS])
+    keep[-1] = True
+    if len(path_rc) > 2 and lengths[-1] <= _COINCIDENT_CELLS:
+        keep[-2] = False
+        keep[0] = True
     return path_rc[keep]
 
 
@@ -96,3 +122,9 @@ def _interpolate(first: float, last: float, count: int) -> NDArray[np.float64]:
 
 def _wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def warm() -> None:
+    """Compile the kernels of this module."""
+    space = sample_space()
+    line_integral(space, simplify(space, np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]])))

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from slamcli.grids import OccupancyGrid
 from slamcli.grids.distance import nearest_cell
-from slamcli.navigation.costmap import INSCRIBED, NO_INFORMATION, Costmap
+from slamcli.navigation.costmap import INSCRIBED, NO_INFORMATION, Costmap, compute_costmap
+from slamcli.navigation.costmap_parameters import CostmapParameters
 from slamcli.navigation.planner_parameters import PlannerParameters
 
 Cell = tuple[int, int]
@@ -60,3 +62,10 @@ class SearchSpace:
     def nearest_free(self, point_rc: tuple[float, float], region: int | None = None) -> Cell | None:
         """Return the nearest cell that a path may use, of one region or of any; None if there is none."""
         return nearest_cell(self.regions > 0 if region is None else self.regions == region, point_rc)
+
+
+def sample_space() -> SearchSpace:
+    """Return a space of four by four cells with one obstacle, to compile kernels on."""
+    cells = np.zeros((4, 4), dtype=np.int8)
+    cells[1, 2] = OccupancyGrid.OCCUPIED
+    return SearchSpace.build(compute_costmap(OccupancyGrid(cells, 0.1), CostmapParameters()), PlannerParameters())

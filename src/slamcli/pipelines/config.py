@@ -14,7 +14,7 @@ from slamcli.native import Setting, merge, read_launch, read_ros_yaml
 from slamcli.native.checks import Finding
 from slamcli.native.checks.files import check_file
 from slamcli.native.settings import read_text
-from slamcli.parameters import Declaration, as_dict, convert, declarations, resolve, unknown_name
+from slamcli.parameters import Declaration, convert, declarations, resolve, unknown_name
 from slamcli.runtime import RunLog
 
 FROM_COMMAND_LINE = "--set"
@@ -39,21 +39,6 @@ class NativeConfig:
     def scan_topic(self) -> str | None:
         """The topic that the files name for the scans; None if they name none."""
         return self.remaps.get("scan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResolvedParameter:
-    """One parameter with its value and where that comes from."""
-
-    declaration: Declaration
-    value: Any
-    source: str
-    """``default``, ``file:line`` or ``--set``."""
-
-    @property
-    def changed(self) -> bool:
-        """Whether the value differs from the default."""
-        return bool(self.value != self.declaration.default)
 
 
 def load_native(
@@ -95,22 +80,13 @@ def load_native(
         found, topics = _read(algo, Path(file), log, arguments or {})
         settings.extend(found)
         remaps.update(topics)
-    settings.extend(_parse_set(text) for text in sets)
+    settings.extend(parse_set(text) for text in sets)
     merged = merge(settings)
     for setting in merged.values():
         _check(setting, known, log)
     parameters: Any = resolve(tier.parameters, {name: setting.value for name, setting in merged.items()})
-    sources = {name: _source(setting) for name, setting in merged.items()}
+    sources = {name: setting.source for name, setting in merged.items()}
     return NativeConfig(algo=algo, parameters=parameters, sources=sources, remaps=remaps)
-
-
-def show(config: NativeConfig) -> tuple[ResolvedParameter, ...]:
-    """Return every parameter of a tier with its value and source, in the order of its declaration."""
-    values = as_dict(config.parameters)
-    return tuple(
-        ResolvedParameter(declaration=entry, value=values[entry.name], source=config.sources.get(entry.name, "default"))
-        for entry in declarations(type(config.parameters))
-    )
 
 
 def check(files: Iterable[Path], beams: int | None = None) -> tuple[Finding, ...]:
@@ -126,10 +102,6 @@ def check(files: Iterable[Path], beams: int | None = None) -> tuple[Finding, ...
     for file in files:
         read_text(file)  # what cannot be read at all is wrong usage, not a finding
     return tuple(finding for file in files for finding in check_file(file, table, beams))
-
-
-def _source(setting: Setting) -> str:
-    return setting.source if setting.line else setting.file
 
 
 def _read(
@@ -166,7 +138,8 @@ def _own(setting: Setting, algo: str) -> Setting:
     return Setting("/".join(parts), setting.value, setting.file, setting.line)
 
 
-def _parse_set(text: str) -> Setting:
+def parse_set(text: str) -> Setting:
+    """Return what ``KEY=VALUE`` sets."""
     name, equals, value = text.partition("=")
     if not equals or not name.strip():
         raise ConfigError(f"--set {text!r}: write KEY=VALUE")
@@ -175,11 +148,11 @@ def _parse_set(text: str) -> Setting:
 
 def _check(setting: Setting, known: Mapping[str, Declaration], log: RunLog) -> None:
     if setting.name not in known:
-        raise ConfigError(unknown_name(setting.name, known, _source(setting)))
+        raise ConfigError(unknown_name(setting.name, known, setting.source))
     entry = known[setting.name]
     try:
         convert(entry, setting.value)
     except ConfigError as error:
-        raise ConfigError(f"{_source(setting)}: {error}") from error
+        raise ConfigError(f"{setting.source}: {error}") from error
     if not entry.effective:
-        log.note(f"{setting.name} ({_source(setting)}) has no effect here: {entry.help}")
+        log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from slamcli.parameters import as_dict
 from slamcli.runtime import RunLog
 
 _FROM_OPTIONS = "--set"
+_MANY = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -171,8 +172,10 @@ def plan(site: PlanningSite, start: Sequence[float], goal: Sequence[float], *, l
     return answer
 
 
-def plan_many(site: PlanningSite, pairs: Iterable[Sequence[float]]) -> Iterator[Answer]:
+def plan_many(site: PlanningSite, pairs: Sequence[Sequence[float]]) -> Iterator[Answer]:
     """Yield the answers to requests ``start_x, start_y, goal_x, goal_y`` in their order."""
+    if len(pairs) >= _MANY:
+        site.planner.prepare_for_many()
     for pair in pairs:
         yield plan(site, pair[:2], pair[2:4])
 

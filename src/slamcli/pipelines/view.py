@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,15 @@ from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
 from slamcli.outputs import atomic_file
+from slamcli.pipelines.view_alignment import Alignment, laid_over
+from slamcli.pipelines.view_source import default_output, find_kind
 from slamcli.reports.figures import map_png, raster, track
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
-_RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
-_RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
-_LOG_SUFFIXES = (".clf", ".log", ".dat")
-_PICTURES = (".pgm", ".png", ".bmp")
+if TYPE_CHECKING:
+    from slamcli.recordings.mends import Mends
+
 _MAX_RUN_JSON_BYTES = 64 << 20
 
 
@@ -44,7 +45,10 @@ class ViewOptions:
     """How to draw."""
 
     truth: Path | None = None
-    """Ground truth to draw beside the trajectory, in the same frame."""
+    """Ground truth to draw beside the trajectory."""
+    align: Alignment = "auto"
+    """How what is drawn beside the first trajectory is laid over it; auto is fit for files, and start for those topics
+    of a recording that are in another frame."""
     title: str | None = None
     """None for the name of what is shown."""
     max_pixels: int = 2000
@@ -52,6 +56,8 @@ class ViewOptions:
     duration_s: float | None = None
     scans: int = 200
     """Number of scans that are drawn of a recording, spread over it."""
+    mends: Mends | None = None
+    """What is mended while a recording is read."""
 
 
 def view(
@@ -64,7 +70,7 @@ def view(
     sources
         One result folder or map.yaml, one or more trajectory files, or the files of one recording.
     output
-        The PNG, or an .mcap for a result. None for :func:`default_output`.
+        The PNG, or an .mcap for a result. None for `slamcli.pipelines.view_source.default_output`.
     options
         How to draw.
     log
@@ -78,8 +84,10 @@ def view(
     options, log = options or ViewOptions(), log if log is not None else RunLog()
     kind = find_kind(sources)
     output = output or default_output(sources[0], kind)
+    if output.suffix.lower() == ".mcap" and kind != "recording":
+        return Viewed(kind=kind, output=output, facts=_write_mcap(sources, kind, output, options, log))
     if output.suffix.lower() != ".png":
-        raise UsageError(f"{output}: pictures are written as .png")
+        raise UsageError(f"{output}: pictures are written as .png, results also as .mcap")
     if kind == "recording":
         from slamcli.pipelines.view_recording import draw_recording
 
@@ -93,115 +101,90 @@ def view(
     return Viewed(kind=kind, output=output, facts=facts)
 
 
-def find_kind(sources: Sequence[Path]) -> str:
-    """Return what the sources are: result, map, trajectory or recording.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Content:
+    """What lies in a result, a map or a trajectory file."""
 
-    Raises
-    ------
-    UsageError
-        If a source is missing, cannot be drawn, or they do not belong together.
-    """
-    if not sources:
-        raise UsageError("nothing to draw: name a result folder, a map.yaml, a trajectory or a recording")
-    kinds = [_kind(source) for source in sources]
-    if len(set(kinds)) > 1:
-        raise UsageError(f"{sources[0]} is a {kinds[0]} and {sources[1]} a {kinds[1]}: draw them one by one")
-    if len(kinds) > 1 and kinds[0] in ("result", "map"):
-        raise UsageError(f"one {kinds[0]} at a time; {len(kinds)} were given")
-    return kinds[0]
+    grid: OccupancyGrid | None
+    trajectory: Trajectory | None
+    truth: tuple[str, Trajectory] | None
+    """Name and trajectory."""
+    facts: dict[str, Any]
 
 
-def default_output(source: Path, kind: str) -> Path:
-    """Return where the picture goes if nobody says: ``view.png`` in a result folder, else ``NAME-view.png`` beside the source."""
-    if kind == "result":
-        return source / "view.png"
-    resolved = source.resolve()
-    return (
-        resolved.parent / f"{resolved.stem}-view.png"
-        if source.name in ("", ".", "..")
-        else source.with_name(f"{source.stem}-view.png")
-    )
+def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Content:
+    yaml = {"result": source / "map.yaml", "map": source}.get(kind)
+    path = {"result": source / "trajectory.tum", "trajectory": source}.get(kind)
+    grid = trajectory = None
+    facts = _run_facts(source / "run.json", log) if kind == "result" else {}
+    if yaml is not None and (kind == "map" or yaml.is_file()):
+        read = read_map(yaml)
+        grid, facts = read.grid, facts | map_facts(read.grid)
+        for warning in read.warnings:
+            log.warn(warning)
+    if path is not None and (kind == "trajectory" or path.is_file()):
+        trajectory = read_trajectory(path, log=log)
+        facts |= trajectory_facts(trajectory)
+    if grid is None and trajectory is None:
+        raise UsageError(f"{source}: neither map.yaml nor trajectory.tum lies in this result")
+    truth = read_truth(options, trajectory, log)
+    return _Content(grid=grid, trajectory=trajectory, truth=truth, facts=facts)
 
 
-def _kind(source: Path) -> str:
-    if not source.exists():
-        raise UsageError(f"{source}: no such file or folder")
-    if source.is_dir():
-        is_result = any((source / name).is_file() for name in ("run.json", "map.yaml", "trajectory.tum"))
-        if (
-            not is_result
-            and not any(source.glob("*.db3*"))
-            and not any(source.glob("*.mcap*"))
-            and not any(source.glob("*.bag"))
-        ):
-            raise UsageError(
-                f"{source}: neither a result (map.yaml, trajectory.tum) nor a recording lies in this folder"
-            )
-        return "result" if is_result else "recording"
-    suffixes = [s.lower() for s in source.suffixes]
-    last = suffixes[-1] if suffixes else ""
-    if last in (".yaml", ".yml"):
-        return "map"
-    if last in _PICTURES:
-        raise UsageError(f"{source}: name the map's .yaml; the picture alone has no scale")
-    if (
-        last in _RECORDING_SUFFIXES
-        or any(s in _RECORDING_SUFFIXES for s in suffixes[-2:])
-        or _begins_as_recording(source)
-    ):
-        return "recording"
-    if any(s in _LOG_SUFFIXES for s in suffixes[-2:]):
-        bag = source.name.split(".")[0] + ".mcap"
-        raise UsageError(f"{source}: convert this log first: slamcli convert {source} {bag}")
-    return "trajectory"
+def read_truth(options: ViewOptions, base: Trajectory | None, log: RunLog) -> tuple[str, Trajectory] | None:
+    """Return name and trajectory of the ground truth that was asked for, laid over `base`."""
+    if options.truth is None:
+        return None
+    truth = read_trajectory(options.truth, log=log)
+    return laid_over(base, "ground truth", truth, options.align, log) if base is not None else ("ground truth", truth)
 
 
-def _begins_as_recording(source: Path) -> bool:
-    try:
-        with source.open("rb") as stream:
-            return stream.read(16).startswith(_RECORDING_MAGIC)
-    except OSError as error:
-        raise UsageError(f"{source}: {error.strerror}") from error
+def _write_mcap(sources: Sequence[Path], kind: str, output: Path, options: ViewOptions, log: RunLog) -> dict[str, Any]:
+    from slamcli.reports.mcap import write_result
+
+    if len(sources) > 1:
+        raise UsageError(f"{output}: an .mcap holds one result or trajectory; {len(sources)} were given")
+    content = _read(sources[0], kind, options, log)
+    truth = content.truth[1] if content.truth is not None else None
+    messages = write_result(output, grid=content.grid, trajectory=content.trajectory, truth=truth)
+    return content.facts | {"messages": messages}
 
 
 def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
     """Draw a map, or a result: its map with its trajectory, or the trajectory alone where there is no map."""
-    yaml = source / "map.yaml" if kind == "result" else source
-    path = source / "trajectory.tum"
-    trajectory = read_trajectory(path, log=log) if kind == "result" and path.is_file() else None
-    truth = read_trajectory(options.truth, log=log) if options.truth is not None else None
-    facts: dict[str, Any] = {}
-    if kind == "result":
-        facts = _run_facts(source / "run.json", log)
-        if trajectory is None and not yaml.is_file():
-            raise UsageError(f"{source}: neither map.yaml nor trajectory.tum lies in this result")
-    name = source.resolve().name
-    if trajectory is not None:
-        facts |= trajectory_facts(trajectory)
-    if not yaml.is_file() and trajectory is not None:
-        shown = ("ground truth", truth) if truth is not None else None
-        image = track.track_image(trajectory, truth=shown, title=_title(options, name), max_pixels=options.max_pixels)
-        return raster.png(image), facts
-    read = read_map(yaml)
-    for warning in read.warnings:
-        log.warn(warning)
-    title = _title(options, name if kind == "result" else yaml.name)
-    image_bytes = map_png(read.grid, trajectory=trajectory, truth=truth, title=title, max_pixels=options.max_pixels)
-    return image_bytes, map_facts(read.grid) | facts
+    content = _read(source, kind, options, log)
+    title = source.resolve().name if options.title is None else options.title
+    if content.grid is None and content.trajectory is not None:
+        image = track.track_image(content.trajectory, truth=content.truth, title=title, max_pixels=options.max_pixels)
+        return raster.png(image), content.facts
+    if content.grid is None:
+        raise UsageError(f"{source}: no map in it")
+    picture = map_png(
+        content.grid,
+        trajectory=content.trajectory,
+        truth=content.truth[1] if content.truth is not None else None,
+        truth_label=content.truth[0] if content.truth is not None else "",
+        title=title,
+        max_pixels=options.max_pixels,
+    )
+    return picture, content.facts
 
 
 def _draw_trajectories(sources: Sequence[Path], options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
     read = [read_trajectory(source, log=log) for source in sources]
     if len(read) > 6:
         raise UsageError(f"{len(read)} trajectories: six can be told apart")
-    others = [(source.name, trajectory) for source, trajectory in zip(sources[1:], read[1:], strict=True)]
-    truth = ("ground truth", read_trajectory(options.truth, log=log)) if options.truth is not None else None
+    others = [
+        laid_over(read[0], source.name, trajectory, options.align, log)
+        for source, trajectory in zip(sources[1:], read[1:], strict=True)
+    ]
+    truth = read_truth(options, read[0], log)
     image = track.track_image(
         read[0],
         others,
         truth=truth,
         label=sources[0].name,
-        title=_title(options, ""),
+        title=options.title or "",
         max_pixels=options.max_pixels,
     )
     facts = trajectory_facts(read[0])
@@ -249,7 +232,3 @@ def _run_facts(path: Path, log: RunLog) -> dict[str, Any]:
         log.warn(f"{path} is not a run record and is left out")
         return {}
     return {key: run[key] for key in ("algo", "seed", "timing", "summary") if key in run}
-
-
-def _title(options: ViewOptions, default: str) -> str:
-    return default if options.title is None else options.title

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import InputError
 from slamcli.formats.trajectories import read_trajectory
-from slamcli.geometry import se2, se3
+from slamcli.geometry import se3
 from slamcli.measurements import LaserScan, Odometry, StampedPose
+from slamcli.pipelines.view_alignment import laid_over
 from slamcli.recordings import Recording, Topic, open_recording
+from slamcli.recordings.laser_mount import find_laser_mount
 from slamcli.reports.figures import raster, timeline, track
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
@@ -60,7 +61,7 @@ def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -
 
     The first odometry topic (or transforms, or poses) places the scans; other odometry and pose topics are drawn beside it.
     """
-    with open_recording(list(sources), log=log) as recording:
+    with open_recording(list(sources), mends=options.mends, log=log) as recording:
         start_ns, stop_ns = recording.window(options.start_s, options.duration_s)
         low = start_ns if start_ns is not None else recording.start_ns
         high = min(stop_ns if stop_ns is not None else recording.end_ns, recording.end_ns)
@@ -73,8 +74,7 @@ def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -
         facts: dict[str, Any] = {"duration_s": span_s, "topics": _topic_facts(recording, counts)}
         with log.stage("odometry and scans"):
             drawn = _paths_and_scans(recording, options, log)
-        if options.truth is not None:
-            drawn.truth = ("ground truth", read_trajectory(options.truth, log=log))
+        _lay_over(drawn, options, log)
     if drawn.paths or drawn.truth or len(drawn.points_m):
         (label, first), *others = drawn.paths or [("", _no_poses())]
         below = track.track_image(
@@ -148,7 +148,8 @@ def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) ->
         trajectory = _read_path(recording, topic, options)
         if not len(trajectory):
             continue
-        label = f"{topic.name} in {trajectory.frame_id}" if trajectory.frame_id else topic.name
+        is_named = trajectory.frame_id not in ("", topic.name.strip("/"))
+        label = f"{topic.name} in {trajectory.frame_id}" if is_named else topic.name
         if drawn.paths and drawn.truth is None and _is_truth(topic):
             drawn.truth = (label, trajectory)
         else:
@@ -161,19 +162,36 @@ def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) ->
     if not scans:
         return drawn
     stamps = np.array([scan.stamp_ns for scan in scans], dtype=np.int64)
-    poses = _scanner_poses(recording, drawn, scans[0].frame_id, stamps, log)
+    poses = _scanner_poses(recording, drawn, scans[0].frame_id, stamps)
     if poses is None:
         log.note(
             f"{topic.name}: neither odometry nor transforms say where the scanner was; only its first scan is drawn"
         )
-        scans, poses = scans[:1], np.zeros((1, 3))
-    drawn.points_m = np.concatenate(
-        [se2.transform_points(pose, _end_points(scan)) for pose, scan in zip(poses, scans, strict=True)]
-    )
+        scans, poses = scans[:1], np.eye(4)[None]
+    hits = [_end_points(scan) for scan in scans]
+    # Height is left out last, so that a scanner that hangs upside down is drawn as it sees.
+    drawn.points_m = np.concatenate([hit @ T[:2, :2].T + T[:2, 3] for T, hit in zip(poses, hits, strict=True)])
     drawn.num_scans = len(scans)
     told = "1 scan" if len(scans) == 1 else f"{len(scans)} scans"
     drawn.title = f"{told} of {topic.name}" + (f" on {drawn.paths[0][0]}" if drawn.paths else "")
     return drawn
+
+
+def _lay_over(drawn: _Drawn, options: ViewOptions, log: RunLog) -> None:
+    """Move what is drawn beside the first path into its frame."""
+    if options.truth is not None:
+        drawn.truth = ("ground truth", read_trajectory(options.truth, log=log))
+    if not drawn.paths:
+        return
+    first = drawn.paths[0][1]
+
+    def moved(name: str, path: Trajectory) -> tuple[str, Trajectory]:
+        same_frame = path.frame_id == first.frame_id and name != "ground truth"
+        how = options.align if options.align != "auto" else "none" if same_frame else "start"
+        return laid_over(first, name, path, how, log)
+
+    drawn.paths[1:] = [moved(*path) for path in drawn.paths[1:]]
+    drawn.truth = moved(*drawn.truth) if drawn.truth is not None else None
 
 
 def _preference(topic: Topic) -> tuple[bool, bool, bool, str]:
@@ -214,31 +232,25 @@ def _read_scans(recording: Recording, topic: Topic, options: ViewOptions) -> lis
 
 
 def _scanner_poses(
-    recording: Recording, drawn: _Drawn, frame_id: str, stamps_ns: NDArray[np.int64], log: RunLog
+    recording: Recording, drawn: _Drawn, frame_id: str, stamps_ns: NDArray[np.int64]
 ) -> NDArray[np.float64] | None:
-    """Return the scanner's poses (N, 3) in the odometry's frame at scan stamps, None where nothing tells them.
+    """Return ``T_odom_laser`` (N, 4, 4) at scan stamps, None where nothing tells it.
 
     A path that only transforms tell is added to `drawn`.
     """
     tree = recording.frames()
-    if drawn.paths and any(len(t) > 1 for _, t in drawn.paths[:1]):
+    if drawn.paths:
         base = drawn.paths[0][1]
-        body = base.child_frame_id or next((f for f in _BASE_FRAMES if f in tree.frames), "")
-        T_base_laser = np.zeros(3)
-        try:
-            T_base_laser = se3.to_se2(tree.lookup(body, frame_id)) if body else T_base_laser
-        except InputError as error:
-            log.note(f"the scanner is drawn at the odometry's frame: {error}")
-        return se2.compose(_interpolate(base, stamps_ns), T_base_laser)
+        body = base.child_frame_id or next((f for f in _BASE_FRAMES if f in tree.frames), frame_id)
+        mount = find_laser_mount(recording, base_frame=body, laser_frame=frame_id)
+        return se3.from_se2(_interpolate(base, stamps_ns)) @ mount.T_base_laser
     for root in _ODOM_FRAMES:
         if root in tree.frames and tree.connected(root, frame_id) and not tree.is_static(root, frame_id):
             T_root_laser, known = tree.lookup_many(root, frame_id, stamps_ns)
-            poses = se3.to_se2(T_root_laser)
             if known.any():
-                drawn.paths.append(
-                    (f"transforms {root} > {frame_id}", Trajectory.from_se2(stamps_ns, poses, root, frame_id))
-                )
-                return poses
+                name = f"transforms {root} > {frame_id}"
+                drawn.paths.append((name, Trajectory.from_se2(stamps_ns, se3.to_se2(T_root_laser), root, frame_id)))
+                return T_root_laser
     return None
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from slamcli.errors import SlamcliError
@@ -17,20 +18,26 @@ if TYPE_CHECKING:
     from slamcli.recordings.recording import Recording
 
 
+def is_transform_topic(topic: Topic) -> bool:
+    """Return whether a topic holds transforms (tf or tf_static)."""
+    return topic.msgtype in TF_ADAPTER.msgtypes
+
+
 def transform_topics(recording: Recording) -> tuple[tuple[Topic, ...], tuple[Topic, ...]]:
     """Return the topics of static and of stamped transforms (TFMessage)."""
-    found = [topic for topic in recording.contents.topics if topic.msgtype in TF_ADAPTER.msgtypes]
+    found = [topic for topic in recording.contents.topics if is_transform_topic(topic)]
     static = tuple(topic for topic in found if is_static_topic(topic.name))
     return static, tuple(topic for topic in found if topic not in static)
 
 
-def read_frames(recording: Recording, *, max_messages: int | None = None) -> FrameTree:
+def read_frames(recording: Recording, *, stop_ns: int | None = None) -> FrameTree:
     """Return the frame tree of a recording with its mends.
 
     Parameters
     ----------
-    max_messages
-        Read at most that many messages of /tf (for a quick look at a big file); None for all.
+    stop_ns
+        Read /tf only up to this log time (for a quick look at a big file), and no further than to the last message of
+        /tf_static; None for all.
     """
     builder = FrameTreeBuilder()
     static, stamped = transform_topics(recording)
@@ -38,9 +45,10 @@ def read_frames(recording: Recording, *, max_messages: int | None = None) -> Fra
         if not topics:
             continue
         contexts = {topic.name: DecodeContext(topic.name, recording.mends, recording.log) for topic in topics}
-        for number, message in enumerate(recording.raw.messages(tuple(contexts))):
-            if max_messages is not None and number >= max_messages:
-                break
+        last = None if is_static else stop_ns
+        # Where counts are known the pass ends at the last message: static transforms stand at the start of big files.
+        total = None if any(topic.count is None for topic in topics) else sum(topic.count or 0 for topic in topics)
+        for message in islice(recording.raw.messages(tuple(contexts), None, last), total):
             context = contexts[message.topic]
             try:
                 transforms = recording.raw.decode(message).transforms

@@ -24,7 +24,16 @@ from slamcli.runtime import RunLog
 T = TypeVar("T")
 
 # What decoding bytes that are not what their type says can raise.
-_GARBAGE = (SlamcliError, ValueError, struct.error, IndexError, KeyError, TypeError, AttributeError, OverflowError)
+DECODING_ERRORS = (
+    SlamcliError,
+    ValueError,
+    struct.error,
+    IndexError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+)
 
 
 def open_recording(
@@ -35,16 +44,20 @@ def open_recording(
 ) -> Recording:
     """Open a recording (one path, or several split files that belong together) to read its measurements.
 
+    CARMEN (``.log``, ``.clf``, also ``.gz``) and BreezySLAM logs (``exp*.dat``) are read as they are.
+
     Raises
     ------
     RecordingError
         If a file is missing, or is no recording.
     """
+    from slamcli.recordings.classic_log import open_classic
     from slamcli.recordings.containers import open_raw
 
     log = log if log is not None else RunLog()
-    listed = [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
-    recording = Recording(open_raw([Path(path) for path in listed], log), mends=mends or Mends(), log=log)
+    listed = [Path(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
+    raw: RawReader = open_classic(listed, log) or open_raw(listed, log)
+    recording = Recording(raw, mends=mends or Mends(), log=log)
     try:
         recording.check_mends()
     except SlamcliError:
@@ -115,7 +128,12 @@ class Recording:
         return topic
 
     def measurements(
-        self, topics: Iterable[str | Topic], *, start_s: float | None = None, duration_s: float | None = None
+        self,
+        topics: Iterable[str | Topic],
+        *,
+        start_s: float | None = None,
+        duration_s: float | None = None,
+        log_order: bool = False,
     ) -> Iterator[Any]:
         """Return an iterator over the measurements of topics, merged by header stamp with constant memory.
 
@@ -125,6 +143,8 @@ class Recording:
             Topics, or their names.
         start_s, duration_s
             Part of the recording, in seconds of log time from its start; found by seeking.
+        log_order
+            Keep the order in which messages were recorded instead of merging by stamp.
 
         Raises
         ------
@@ -135,7 +155,7 @@ class Recording:
         """
         chosen = [self.topic(topic if isinstance(topic, str) else topic.name) for topic in topics]
         start_ns, stop_ns = self.window(start_s, duration_s)
-        return self._stream({topic.name: _TopicDecoder(topic, self) for topic in chosen}, start_ns, stop_ns)
+        return self._stream({topic.name: _TopicDecoder(topic, self) for topic in chosen}, start_ns, stop_ns, log_order)
 
     def frames(self) -> FrameTree:
         """Return the tree of all transforms in the recording, the mends among them; read once, then kept."""
@@ -180,9 +200,11 @@ class Recording:
                         f"{option} {name}: {self.name} has no such topic; {self._would_fit(name, None)}"
                     )
 
-    def _stream(self, decoders: dict[str, _TopicDecoder], start_ns: int | None, stop_ns: int | None) -> Iterator[Any]:
+    def _stream(
+        self, decoders: dict[str, _TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool
+    ) -> Iterator[Any]:
         stamped = ((decoders[m.topic].stamp_ns(m), m) for m in self.raw.messages(tuple(decoders), start_ns, stop_ns))
-        ordered = stamped if len(decoders) == 1 else merge_by_stamp(stamped)
+        ordered = stamped if log_order or len(decoders) == 1 else merge_by_stamp(stamped)
         try:
             for stamp_ns, message in ordered:
                 yield from decoders[message.topic].decode(message, stamp_ns)
@@ -253,7 +275,7 @@ class _TopicDecoder:
         """Return the measurements in a message; what cannot be decoded is counted and left out."""
         try:
             return self._adapter.decode(self._decode_raw(message), stamp_ns, self._context)
-        except _GARBAGE as error:
+        except DECODING_ERRORS as error:
             if not self._num_garbage:
                 self._first_garbage = f"{stamp_ns / 1e9:.6f} s: {error}"
             self._num_garbage += 1

@@ -67,7 +67,9 @@ def pick_topics(
     topic = None if odom_topic == FROM_TF else _odometry_topic(recording, odom_topic)
     sample = next(iter(recording.measurements([topic])), None) if topic is not None else None
     if sample is not None:
-        child = sample.child_frame_id or base_frame or _base_in(tree, laser_frame) or "base_link"
+        # Where a driver leaves the child frame empty, it is the one that /tf moves against the odometry's frame.
+        child = sample.child_frame_id or _child_towards(tree, sample.frame_id, laser_frame) or base_frame
+        child = child or _base_in(tree, laser_frame) or "base_link"
         base = base_frame or (child if tree.connected(child, laser_frame) else _base_in(tree, laser_frame)) or child
         picked = (odom_frame or sample.frame_id or "odom", base, "topic", topic, child)
     else:

@@ -17,17 +17,17 @@ _STYLE = """
 body{margin:0 auto;max-width:62rem;padding:1.2rem;background:var(--page);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
 h1{font-size:1.5rem;margin:0 0 .1rem;overflow-wrap:anywhere}h2{font-size:1.1rem;margin:2.2rem 0 .6rem;border-bottom:1px solid var(--line);padding-bottom:.2rem}
 h3{font-size:.95rem;margin:1.2rem 0 .1rem}p{margin:.2rem 0 .6rem}.soft,figcaption{color:var(--soft);font-size:.87rem}
-.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(9.5rem,1fr));gap:.6rem;margin:1rem 0}
+.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(10.5rem,1fr));gap:.6rem;margin:1rem 0}
 .card{background:var(--card);border-radius:8px;padding:.55rem .75rem}.card b{display:block;font-size:1.2rem;font-weight:600;overflow-wrap:anywhere}
 .card span{color:var(--soft);font-size:.82rem}.card.warn b{color:var(--warn)}
 .warnings{background:var(--warnbg);color:var(--warn);border-radius:8px;padding:.6rem 1rem .6rem 2rem;margin:.6rem 0}
 ul{padding-left:1.2rem;margin:.4rem 0}li{overflow-wrap:anywhere}
 figure{margin:.8rem 0}svg{display:block;width:100%;height:auto}.scroll{overflow-x:auto}
 table{border-collapse:collapse;min-width:min(100%,28rem);font-size:.87rem}th,td{text-align:left;padding:.22rem .8rem .22rem 0;border-bottom:1px solid var(--line);vertical-align:top}
-th{color:var(--soft);font-weight:500}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}td{overflow-wrap:break-word;max-width:44rem}td.hash{font-family:ui-monospace,monospace;overflow-wrap:anywhere}
+th{color:var(--soft);font-weight:500}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}td{overflow-wrap:break-word;max-width:44rem}td:last-child{overflow-wrap:anywhere}
 tr.changed td{font-weight:600}.bar{background:var(--c0);height:.7rem;border-radius:2px;min-width:1px;print-color-adjust:exact;-webkit-print-color-adjust:exact}td.wide{width:55%;min-width:8rem;vertical-align:middle}
 code,pre{font:13px/1.5 ui-monospace,monospace}pre{background:var(--card);padding:.7rem;border-radius:8px;white-space:pre-wrap;overflow-wrap:anywhere}
-.line{fill:none;stroke-width:1.3;stroke-linejoin:round;stroke-linecap:round}.axis{stroke:var(--soft);fill:none}.grid{stroke:var(--line);fill:none}
+.line{fill:none;stroke-width:1.3;vector-effect:non-scaling-stroke;stroke-linejoin:round;stroke-linecap:round}.axis{stroke:var(--soft);fill:none}.grid{stroke:var(--line);fill:none}
 .tick{font-size:11px;fill:var(--soft)}.label{font-size:12px;fill:var(--soft)}.mark{stroke:var(--soft);stroke-width:1}
 .c0{stroke:var(--c0)}.c1{stroke:var(--c1)}.c2{stroke:var(--c2)}.c3{stroke:var(--c3)}.c4{stroke:var(--c4)}.c5{stroke:var(--c5)}
 .map{position:relative;overflow:hidden;background:#fff;border:1px solid var(--line);border-radius:8px;touch-action:pan-y}
@@ -35,7 +35,7 @@ code,pre{font:13px/1.5 ui-monospace,monospace}pre{background:var(--card);padding
 .tools{position:absolute;top:.5rem;right:.5rem;display:none;gap:.3rem}.js .tools{display:flex}
 .tools button{font:16px/1 system-ui,sans-serif;min-width:2.2rem;height:2.2rem;border:1px solid #c5ccd5;border-radius:6px;background:#ffffffe0;color:#1d2129;cursor:pointer}
 @media(max-width:600px){body{padding:.8rem}.tick{font-size:15px}.label{font-size:16px}}
-@media print{body{max-width:none;padding:0;font-size:11px}.tools,.js .tools{display:none}figure,.cards,tr{break-inside:avoid}.map{border:0}
+@media print{body{max-width:none;padding:0;font-size:11px}.tools,.js .tools{display:none}figure,.cards,tr{break-inside:avoid}h2,h3{break-after:avoid}.map{border:0}
 :root{--page:#fff;--ink:#000;--soft:#444;--line:#bbb;--card:#fff;--warn:#000;--warnbg:#fff;--c0:#0072b2;--c1:#d55e00;--c2:#009e73;--c3:#cc79a7;--c4:#e69f00;--c5:#56b4e9}}
 """
 

@@ -25,6 +25,10 @@ class _Known:
     marks: str = ""
     """A column of 0 and 1 whose ones are marked at the top."""
     from_zero: bool = True
+    label: str = ""
+    """Name in the legend."""
+    empty_first: bool = False
+    """Whether the first step has no value (there is no map yet to match with)."""
 
 
 _KNOWN = {
@@ -34,13 +38,17 @@ _KNOWN = {
         "How many particles carry weight. It falls while the filter collects evidence; at a resampling (tick) the unlikely ones are replaced.",
         beside="num_particles",
         marks="resampled",
+        label="effective number",
     ),
     "best_score": _Known(
         "Score of the best match",
         "score",
         "How well the scan fits the best particle's map; a drop is a place where it fits badly.",
+        empty_first=True,
     ),
-    "log_likelihood": _Known("Log-likelihood of the best particle", "", "Of this step's scan.", from_zero=False),
+    "log_likelihood": _Known(
+        "Log-likelihood of the best particle", "", "Of this step's scan.", from_zero=False, empty_first=True
+    ),
     "fallbacks": _Known(
         "Failed matches",
         "particles",
@@ -48,10 +56,11 @@ _KNOWN = {
     ),
     "odometry_disagreement": _Known(
         "Disagreement of odometry and scans",
-        "",
-        "How far the matched motion lies from what the wheels told; peaks are slip, bumps, or clocks that do not agree.",
+        "standard deviations",
+        "How far the matched motion lies from what the wheels told, in standard deviations of the motion model; peaks are slip, bumps, or clocks that do not agree.",
     ),
 }
+_BESIDE = {"num_particles": "number of particles", "resampled": "resampling"}
 _HIDDEN = ("stamp_ns", "resampled", "num_particles")
 
 
@@ -105,26 +114,31 @@ def time_axis(stamps_ns: NDArray[Any], began_ns: int | None = None) -> tuple[NDA
 
 def _totals(steps: Mapping[str, NDArray[Any]]) -> str:
     """Return one line that sums up the events."""
-    parts = [f"{len(steps['stamp_ns']):,} steps"]
+    parts = [_counted(len(steps["stamp_ns"]), "step")]
     if "resampled" in steps:
-        parts.append(f"{int(np.count_nonzero(steps['resampled'])):,} resamplings")
+        parts.append(_counted(int(np.count_nonzero(steps["resampled"])), "resampling"))
     if "fallbacks" in steps:
         failed = np.asarray(steps["fallbacks"], dtype=np.float64)
-        parts.append(
-            f"{int(failed.sum()):,} failed matches of single particles at {int(np.count_nonzero(failed)):,} steps"
-        )
+        where = _counted(int(np.count_nonzero(failed)), "step")
+        parts.append(f"{_counted(int(failed.sum()), 'failed match', 'es')} of single particles at {where}")
     return f'<p class="soft">{", ".join(parts)}.</p>'
+
+
+def _counted(count: int, word: str, plural: str = "s") -> str:
+    return f"{count:,} {word}{'' if count == 1 else plural}"
 
 
 def _figure(
     name: str, y: NDArray[np.float64], steps: Mapping[str, NDArray[Any]], x: NDArray[np.float64], x_label: str
 ) -> str:
     known = _KNOWN.get(name, _Known(name.replace("_", " "), "", ""))
-    series = [svg.Series(label=name.replace("_", " "), x=x, y=y)]
+    if known.empty_first and y[0] == 0:
+        y = np.concatenate([[np.nan], y[1:]])
+    series = [svg.Series(label=known.label or name.replace("_", " "), x=x, y=y)]
     beside = steps.get(known.beside)
     if beside is not None and beside.shape == x.shape:
         other = np.asarray(beside, dtype=np.float64)
-        series.insert(0, svg.Series(label=known.beside.replace("_", " "), x=x, y=other, colour=1))
+        series.insert(0, svg.Series(label=_BESIDE.get(known.beside, known.beside), x=x, y=other, colour=1))
     events = steps.get(known.marks)
     marks = x[np.asarray(events) != 0] if events is not None and events.shape == x.shape else np.zeros(0)
     chart = svg.Chart(
@@ -133,7 +147,7 @@ def _figure(
         y_label=known.unit or name.replace("_", " "),
         series=series,
         marks_x=marks,
-        marks_label=known.marks,
+        marks_label=_BESIDE.get(known.marks, known.marks),
         from_zero=known.from_zero,
     )
     return page.figure(svg.line_chart(chart), known.title, known.caption)

@@ -184,7 +184,7 @@ def _legend(entries: Sequence[tuple[str, str]]) -> str:
         parts.append(
             f'<path class="line {kind}" d="M{x} 14h16"/><text class="label" x="{x + 21}" y="18">{escape(label)}</text>'
         )
-        x += 40 + round(6.4 * len(label))
+        x += 40 + round(8.6 * len(label))
     return "".join(parts)
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ _PATH_STEP_M = 0.02
 _SPARE_S = 1.0
 _MAX_DURATION_S = 86_400.0
 _CANDIDATES = 30
+_CAUTIONS = (1.0, 0.5, 0.25, 0.1)
+"""Shares of lookahead and (root of) speed with which a random way is tried until the robot keeps clear of walls."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,9 +104,25 @@ def drive(world: World, parameters: SimulationParameters, duration_s: float | No
         path = _random_way(space, start[:2], parameters.robot_speed * duration_s, rng)
         if world.start is None:
             start[2] = math.atan2(*(path[1] - path[0])[::-1])
-    motion = _follow(path, start, parameters, duration_s, world.name)
-    _check_clear(world, space, motion, parameters.robot_radius)
-    return motion
+    hit = 0
+    cautions = (1.0,) if len(world.waypoints) else _CAUTIONS
+    for caution in cautions:
+        careful = dataclasses.replace(
+            parameters,
+            robot_lookahead=max(parameters.robot_lookahead * caution, 0.05),
+            robot_speed=parameters.robot_speed * math.sqrt(caution),
+        )
+        motion = _follow(path, start, careful, duration_s, world.name)
+        touched = _first_hit(world, space, motion, parameters.robot_radius)
+        if touched is None:
+            return motion
+        hit = touched
+    x, y, yaw = motion.poses[hit]
+    raise ConfigError(
+        f"world {world.name}: the robot (robot.radius {parameters.robot_radius:g} m) hits a wall at {x:.2f}, {y:.2f} (heading "
+        f"{math.degrees(float(wrap_angle(yaw))):.0f} deg) after {hit * TICK_S:.1f} s: move start or waypoints away from it, "
+        "or give a shorter robot.lookahead"
+    )
 
 
 def start_pose(world: World, space: FreeSpace) -> Array:
@@ -200,18 +219,14 @@ def _corner_caps(way: Array, lengths: Array, at: Array, parameters: SimulationPa
     return np.sqrt(np.maximum(ahead[following] - braking * at, 0.0))
 
 
-def _check_clear(world: World, space: FreeSpace, motion: Motion, radius_m: float) -> None:
+def _first_hit(world: World, space: FreeSpace, motion: Motion, radius_m: float) -> int | None:
+    """Return the first checked tick (every fifth is) at which the robot touches a wall, None if it never does."""
     poses = motion.poses[::5]
     room = raycast.clearance(world, poses[:, :2])
     if world.grid is not None:
         room = np.minimum(room, space.room(poses[:, :2]))
-    hit = np.flatnonzero(room < radius_m)
-    if len(hit):
-        x, y, yaw = poses[hit[0]]
-        raise ConfigError(
-            f"world {world.name}: the robot (robot.radius {radius_m:g} m) hits a wall at {x:.2f}, {y:.2f} (heading "
-            f"{math.degrees(float(wrap_angle(yaw))):.0f} deg) after {hit[0] * 5 * TICK_S:.1f} s: move the waypoints away from it"
-        )
+    hits = np.flatnonzero(room < radius_m)
+    return int(hits[0]) * 5 if len(hits) else None
 
 
 def warm() -> None:

@@ -17,7 +17,7 @@ from slamcli.simulation.world import World
 Array = NDArray[np.float64]
 
 _BORDER_M = 1.0
-_MAX_CELLS = 100_000_000
+_MAX_CELLS = 40_000_000
 _MAX_PLANNING_CELLS = 400_000
 _FINEST_PLANNING_M = 0.1
 
@@ -28,7 +28,7 @@ def rasterise(world: World, resolution_m: float) -> OccupancyGrid:
     Raises
     ------
     ConfigError
-        If the world needs more than 100 million cells.
+        If the world needs more than 40 million cells.
     """
     x0, y0, x1, y1 = world.bounds
     x0, y0 = (math.floor((v - _BORDER_M) / resolution_m) * resolution_m for v in (x0, y0))
@@ -164,7 +164,7 @@ class FreeSpace:
         origin, target = here[0] * width + here[1], there[0] * width + there[1]
         if self._areas[here] != self._areas[there]:
             raise PlanningError(self._no_way(start, goal))
-        _, before = csgraph.dijkstra(self._graph, directed=False, indices=origin, return_predecessors=True)
+        _, before = csgraph.dijkstra(self._graph, indices=origin, return_predecessors=True)
         indices = [target]
         while indices[-1] != origin:
             indices.append(before[indices[-1]])
@@ -233,6 +233,7 @@ def _graph(room: Array, clearance_m: float) -> sparse.csr_matrix:
         columns.append(index[b][both])
         costs.append(math.hypot(dr, dc) * (price[a][both] + price[b][both]) / 2)
     count = height * width
-    return sparse.csr_matrix(
+    one_way = sparse.csr_matrix(
         (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns))), shape=(count, count)
     )
+    return (one_way + one_way.T).tocsr()

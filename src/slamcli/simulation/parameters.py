@@ -15,11 +15,14 @@ from typing import Any
 from slamcli.errors import ConfigError
 from slamcli.parameters import declarations, parameter, resolve, unknown_name
 
+_LIMIT = 1e6  # keeps infinities and slips of the finger out where nothing narrower is meant
+
 
 def _number(
-    name: str, default: float, unit: str, help: str, minimum: float | None = 0.0, maximum: float | None = None
+    name: str, default: float, unit: str, help: str, minimum: float | None = 0.0, maximum: float = _LIMIT
 ) -> float:
-    return parameter(default, help, name=name, kind=float, unit=unit, minimum=minimum, maximum=maximum)
+    lowest = -_LIMIT if minimum is None else minimum
+    return parameter(default, help, name=name, kind=float, unit=unit, minimum=lowest, maximum=maximum)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +52,7 @@ class SimulationParameters:
         kind=float,
         unit="s",
         minimum=0.0,
+        maximum=_LIMIT,
     )
     laser_range_min: float = _number("laser.range_min", 0.05, "m", "Nearest distance that is measured; nearer is -inf.")
     laser_range_max: float = _number("laser.range_max", 30.0, "m", "Farthest distance that is measured.", 0.1)

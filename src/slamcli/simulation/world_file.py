@@ -7,6 +7,8 @@ docs/generate.md lists all keys. Every message names the file and the entry.
 from __future__ import annotations
 
 import math
+import re
+import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
@@ -24,6 +26,7 @@ from slamcli.simulation.world import Walker, World
 
 ReadGrid = Callable[[Path], OccupancyGrid]
 
+_EXPONENT = re.compile(r"[-+]?\d{1,9}[eE][-+]?\d{1,3}")
 _MAX_BYTES = 4_000_000
 _MAX_SHAPES = 200_000
 _SECTIONS = tuple(dict.fromkeys(d.name.split(".")[0] for d in declarations(SimulationParameters)))
@@ -83,8 +86,8 @@ class _Reader:
             self.fail("", "there is nothing in this world: give walls, rooms, boxes, circles or grid")
         route = self.mapping(document.get("route", {}), "route", ("waypoints", "rounds"))
         return World(
-            name=str(document.get("name", self.path.stem)),
-            description=str(document.get("description", "")).strip(),
+            name=self.text(document.get("name", self.path.stem), "name"),
+            description=self.text(document.get("description", ""), "description").strip(),
             segments=segments,
             circles=circles,
             grid=grid,
@@ -161,7 +164,7 @@ class _Reader:
         if value is None:
             return None
         if not isinstance(value, str):
-            self.fail("grid", f"{value!r} is not the name of a map.yaml")
+            self.fail("grid", f"{_shown(value)} is not the name of a map.yaml")
         if self.read_grid is None:
             raise ConfigError(f"{self.path}: grid: maps cannot be read here")
         return self.read_grid(self.path.parent / value)
@@ -181,6 +184,8 @@ class _Reader:
         values: dict[str, Any] = {}
         for section in _SECTIONS:
             for key, value in self.mapping(document.get(section, {}), section, None).items():
+                if not isinstance(value, (bool, int, float, str)) or _is_huge(value):
+                    self.fail(f"{section}.{key}", f"{_shown(value)} is not one value")
                 values[f"{section}.{key}"] = value
         resolve_settings(values, source=str(self.path))
         return values
@@ -200,7 +205,7 @@ class _Reader:
             )
         for key in value:
             if not isinstance(key, str):
-                self.fail(where, f"the key {key!r} is not text")
+                self.fail(where, f"the key {_shown(key)} is not text")
             if known is not None and key not in names:
                 message = unknown_name(key, names).replace("parameter", "key").split("; `slamcli")[0]
                 self.fail(where, message if "did you mean" in message else f"{message}; known are {', '.join(names)}")
@@ -217,14 +222,21 @@ class _Reader:
             self.fail(key, f"{len(value)} entries are more than {_MAX_SHAPES}")
         return value
 
+    def text(self, value: Any, where: str) -> str:
+        if not isinstance(value, (str, int, float)) or _is_huge(value):
+            self.fail(where, f"{_shown(value)} is not text")
+        return str(value)
+
     def number(self, value: Any, where: str, low: float = -1e6, high: float = 1e6) -> float:
+        if isinstance(value, str) and _EXPONENT.fullmatch(value):
+            value = float(value)  # YAML 1.1 reads 1e3 as text
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-            self.fail(where, f"{value!r} is not a number between {low:g} and {high:g}")
+            self.fail(where, f"{_shown(value)} is not a number between {low:g} and {high:g}")
         return float(value)
 
     def numbers(self, value: Any, where: str, count: int, meaning: str) -> NDArray[np.float64]:
         if not isinstance(value, list) or len(value) != count:
-            self.fail(where, f"{value!r} is not {meaning}")
+            self.fail(where, f"{_shown(value)} is not {meaning}")
         return np.array([self.number(v, where) for v in value])
 
     def points(self, value: Any, where: str, least: int) -> NDArray[np.float64]:
@@ -234,4 +246,23 @@ class _Reader:
 
 
 def _kind(value: Any) -> str:
-    return "empty" if value is None else "a list" if isinstance(value, list) else repr(value)[:60]
+    return "empty" if value is None else "a list" if isinstance(value, list) else _shown(value)
+
+
+def _is_huge(value: Any) -> bool:
+    """Whether a value is a whole number of hundreds of digits, which cannot even be printed."""
+    return isinstance(value, int) and abs(value) > 1 << 64
+
+
+def _shown(value: Any) -> str:
+    """Return a short text for a value of any size or depth."""
+    return "a number of hundreds of digits" if _is_huge(value) else _BRIEFLY.repr(value)
+
+
+class _Brief(reprlib.Repr):
+    def repr_int(self, x: int, level: int) -> str:  # noqa: ARG002 - the interface of Repr
+        return "..." if _is_huge(x) else repr(x)
+
+
+_BRIEFLY = _Brief()
+_BRIEFLY.maxlist, _BRIEFLY.maxdict, _BRIEFLY.maxlevel, _BRIEFLY.maxstring, _BRIEFLY.maxother = 5, 4, 3, 60, 60

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import struct
 from typing import Any
 
@@ -15,6 +16,7 @@ from rosbags.typesys.store import Typestore
 from slamcli.errors import RecordingError
 from slamcli.recordings.raw import Topic
 
+_TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 _IDL_SEPARATOR = "=" * 80 + "\nIDL: "
 TYPE_ERRORS = (
     TypesysError,
@@ -60,8 +62,6 @@ def definition_types(topic: Topic) -> dict[str, Any]:
 
 def _completed(types: dict[str, Any], topic: Topic) -> dict[str, Any]:
     """Add the types that a definition uses without holding them, as ROS ships them."""
-    if "roslib/msg/Header" in types:  # its name before 2010
-        types.setdefault("std_msgs/msg/Header", types["roslib/msg/Header"])
     shipped = shipped_types(topic.encoding).fielddefs
     waiting = [topic.msgtype]
     seen: set[str] = set()
@@ -84,30 +84,29 @@ def _used_type(field: Any) -> str:
     return str(value) if kind == Nodetype.NAME else ""
 
 
+@functools.cache
 def shipped_types(encoding: str) -> Typestore:
     """Return the types that ROS ships, of ROS 1 for ``ros1``, of ROS 2 else."""
-    return get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST)
+    store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST)
+    if _TF_MESSAGE not in store.fielddefs:  # rosbags leaves out the package
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _TF_MESSAGE))
+    return store
 
 
 def completed_topic(topic: Topic) -> Topic:
-    """Return the topic with its definition and digest filled in where they are missing and ROS ships the type.
-
-    Raises
-    ------
-    RecordingError
-        If it has no definition and ROS ships none, or its definition cannot be understood.
-    """
+    """Return the topic with its definition and digest filled in where they are missing and can be known."""
     if topic.encoding not in ("ros1", "cdr") or (topic.definition and topic.digest):
         return topic
-    store = typestore_of(topic)
     try:
+        store = typestore_of(topic)
         if topic.encoding == "ros1":
             definition, digest = store.generate_msgdef(topic.msgtype, ros_version=1)
         else:
             definition, _ = store.generate_msgdef(topic.msgtype, ros_version=2)
             digest = store.hash_rihs01(topic.msgtype)
-    except TYPE_ERRORS as error:
-        raise RecordingError(f"topic {topic.name}: no definition of {topic.msgtype} ({_line(error)})") from error
+    except (RecordingError, *TYPE_ERRORS):
+        # Copying needs no definition. "*" is ROS 1's word for any type.
+        return dataclasses.replace(topic, digest=topic.digest or ("*" if topic.encoding == "ros1" else ""))
     if topic.definition:
         return dataclasses.replace(topic, digest=topic.digest or digest)
     return dataclasses.replace(topic, definition=definition, definition_format="msg", digest=topic.digest or digest)

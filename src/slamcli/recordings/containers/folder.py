@@ -13,7 +13,7 @@ from slamcli.errors import RecordingError
 from slamcli.recordings.containers.damage import Damage
 
 _MAX_METADATA_BYTES = 64 << 20
-_SUFFIXES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
+STORAGE_SUFFIXES = (".db3", ".mcap", ".db3.zstd", ".mcap.zstd")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -42,7 +42,7 @@ def read_folder(folder: Path, damage: Damage) -> Folder:
         else:
             files.append(path)
     if not files:
-        files = sorted((p for p in folder.iterdir() if p.name.endswith(_SUFFIXES) and p.is_file()), key=_natural)
+        files = sorted((p for p in folder.iterdir() if p.name.endswith(STORAGE_SUFFIXES) and p.is_file()), key=_natural)
         if not files:
             raise RecordingError(_nothing_in(folder))
     mode = str(metadata.get("compression_mode") or "").lower()

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from slamcli.recordings.containers.qos import is_latched
 from slamcli.recordings.containers.rosbag1_records import ros2_type_name
 from slamcli.recordings.containers.runs import Entry
 from slamcli.recordings.raw import Topic
@@ -142,14 +143,15 @@ class Catalogue:
         channel = self.channels[number]
         schema = self.schemas.get(channel.schema, Schema("", "", ""))
         language, encoding = _ENCODINGS.get(schema.encoding, ("msg", channel.encoding))
+        qos = channel.metadata.get("offered_qos_profiles", "")
         return Topic(
             name=channel.topic,
             msgtype=ros2_type_name(schema.name),
             count=count,
             definition=schema.definition if schema.encoding in _ENCODINGS else "",
             encoding=channel.encoding or encoding,
-            latched=channel.metadata.get("latching", "") in ("1", "true"),
-            qos=channel.metadata.get("offered_qos_profiles", ""),
+            latched=channel.metadata.get("latching", "") in ("1", "true") or is_latched(qos),
+            qos=qos,
             definition_format=language,
             digest=channel.metadata.get("topic_type_hash", "") or channel.metadata.get("md5sum", ""),
             publisher=channel.metadata.get("callerid", ""),

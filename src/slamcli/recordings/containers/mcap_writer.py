@@ -14,7 +14,6 @@ import zstandard
 
 from slamcli import __version__
 from slamcli.recordings.containers import mcap_records as records
-from slamcli.recordings.containers.decoding import completed_topic
 from slamcli.recordings.containers.mcap_records import PREFIX
 from slamcli.recordings.raw import RawMessage, Topic
 
@@ -47,7 +46,6 @@ class McapFile:
 
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic and return its channel."""
-        topic = completed_topic(topic)
         schema = self._schema(topic)
         self._topics.append(topic)
         channel = len(self._topics)

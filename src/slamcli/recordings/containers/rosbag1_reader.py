@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import struct
 from collections import Counter
@@ -59,7 +60,8 @@ class Rosbag1Volume:
     def compression(self) -> str:
         """Name of the chunks' compression."""
         if not self._compressions and self._chunks:
-            self._chunk_header(self._chunks[0].position)
+            with contextlib.suppress(RecordError):
+                self._chunk_header(self._chunks[0].position)
         return next(iter(self._compressions), "none")
 
     @property

@@ -116,7 +116,8 @@ def read_connection(record: Record, buffer: bytes) -> tuple[int, Topic]:
         name=name,
         msgtype=ros2_type_name(msgtype),
         count=0,
-        definition=text(fields, b"message_definition"),
+        # The header's type moved in 2011; its fields and the sums of types that hold it stayed.
+        definition=text(fields, b"message_definition").replace("MSG: roslib/Header", "MSG: std_msgs/Header"),
         encoding="ros1",
         latched=text(fields, b"latching") == "1",
         digest=text(fields, b"md5sum"),

@@ -12,7 +12,6 @@ import lz4.frame
 
 from slamcli.errors import RecordingError
 from slamcli.recordings.containers import rosbag1_records as records
-from slamcli.recordings.containers.decoding import completed_topic
 from slamcli.recordings.raw import RawMessage, Topic
 
 CHUNK_BYTES = 768 << 10
@@ -40,7 +39,6 @@ class Rosbag1File:
 
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic and return its connection number."""
-        topic = completed_topic(topic)
         if topic.encoding != "ros1":
             raise RecordingError(f"topic {topic.name}: a ROS 1 bag holds ros1 messages, not {topic.encoding!r}")
         number = len(self._connections)

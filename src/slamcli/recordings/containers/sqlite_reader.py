@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import re
 import sqlite3
 from collections import Counter
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from urllib.parse import quote
 
 from slamcli.errors import RecordingError
 from slamcli.recordings.containers.damage import Damage, at_time
+from slamcli.recordings.containers.qos import is_latched
 from slamcli.recordings.containers.runs import Run
 from slamcli.recordings.containers.source import Source
 from slamcli.recordings.containers.topic_table import MAX_TOPICS, TopicTable
@@ -21,7 +21,6 @@ from slamcli.recordings.raw import RawMessage, Topic
 _BLOCK_BYTES = 4 << 20
 _BLOCK_ROWS = 4096
 _MAX_GAPS = 64
-_LATCHED = re.compile(r"durability:\s*(1|transient_local)\b")
 
 
 @dataclass(slots=True)
@@ -60,6 +59,7 @@ class SqliteVolume:
         self._blocks: list[_Block] = []
         self.start_ns: int | None = None
         self.end_ns: int | None = None
+        self._check_size()
         self._connection = self._connect()
         try:
             self._open()
@@ -82,6 +82,15 @@ class SqliteVolume:
         """Close the database."""
         self._connection.close()
         self._source.close()
+
+    def _check_size(self) -> None:
+        """Tell if the file is shorter than its head says."""
+        head = self._source.read(0, 100)
+        page = int.from_bytes(head[16:18], "big")
+        declared = (65536 if page == 1 else page) * int.from_bytes(head[28:32], "big")
+        if head[24:28] == head[92:96] and declared > self._source.size:
+            lost = declared - self._source.size
+            self._damage.add(f"{self._path}: cut off: the last {lost} of {declared} bytes are missing")
 
     def _connect(self) -> sqlite3.Connection:
         # Immutable: no lock, and nothing is written beside the bag; but then a write-ahead log of a recording that was
@@ -137,7 +146,7 @@ class SqliteVolume:
                     count=0,
                     definition=definition,
                     encoding=str(row.get("serialization_format") or "cdr"),
-                    latched=_LATCHED.search(qos) is not None,
+                    latched=is_latched(qos),
                     qos=qos,
                     definition_format=language,
                     digest=str(row.get("type_description_hash") or ""),
@@ -191,31 +200,32 @@ class SqliteVolume:
     def _stream(
         self, block: _Block, wanted: set[int], start_ns: int | None, stop_ns: int | None
     ) -> Iterator[RawMessage]:
-        rows = self._rows(block)
+        rows = self._rows(block, wanted & block.topics)
         if not block.in_order:
             rows = iter(sorted(rows, key=lambda row: row[2]))
         names, channels = self._table.names, self._channels
         for _, topic, time, data in rows:
-            if topic not in wanted or (start_ns is not None and time < start_ns):
+            if start_ns is not None and time < start_ns:
                 continue
             if stop_ns is not None and time >= stop_ns:
                 return
             channel = channels[topic]
             yield RawMessage(names[channel], time, data, channel)
 
-    def _rows(self, block: _Block) -> Iterator[tuple[int, int, int, bytes]]:
+    def _rows(self, block: _Block, wanted: frozenset[int] | set[int]) -> Iterator[tuple[int, int, int, bytes]]:
         position, lost = block.first, 0
+        chosen = "" if len(wanted) == len(block.topics) else f"AND topic_id IN ({','.join(map(str, sorted(wanted)))}) "
         while position <= block.last:
             try:
                 cursor = self._connection.execute(
-                    "SELECT id, topic_id, timestamp, data FROM messages WHERE id BETWEEN ? AND ? ORDER BY id",
+                    f"SELECT id, topic_id, timestamp, data FROM messages WHERE id BETWEEN ? AND ? {chosen}ORDER BY id",  # noqa: S608 (numbers)
                     (position, block.last),
                 )
                 for row in cursor:
                     if row[0] < position:
                         break
                     position = row[0] + 1
-                    if type(row[3]) is bytes and type(row[2]) is int and row[1] in self._channels:
+                    if type(row[3]) is bytes and type(row[2]) is int and row[1] in wanted:
                         yield row
             except sqlite3.Error:
                 lost += 1

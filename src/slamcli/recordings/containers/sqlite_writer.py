@@ -9,7 +9,6 @@ from pathlib import Path
 import zstandard
 
 from slamcli.errors import RecordingError
-from slamcli.recordings.containers.decoding import completed_topic
 from slamcli.recordings.raw import RawMessage, Topic
 
 COMPRESSIONS = ("none", "zstd")
@@ -42,7 +41,6 @@ class SqliteFile:
 
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic and return its number."""
-        topic = completed_topic(topic)
         if topic.encoding == "ros1":
             raise RecordingError(f"topic {topic.name}: a ROS 2 bag holds no ros1 messages")
         self._num_topics += 1

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import sqlite3
 import sys
@@ -17,6 +18,9 @@ import yaml
 from slamcli.errors import RecordingError, UsageError
 from slamcli.outputs import atomic_directory, atomic_path
 from slamcli.recordings.containers import mcap_writer, rosbag1_writer, sqlite_writer
+from slamcli.recordings.containers.decoding import completed_topic
+from slamcli.recordings.containers.folder import STORAGE_SUFFIXES
+from slamcli.recordings.containers.qos import LATCHED_QOS
 from slamcli.recordings.raw import RawMessage, Topic
 
 FORMATS = {
@@ -62,12 +66,28 @@ class FileWriter:
         """The encoding that messages must have: ``ros1`` or ``cdr``; None where both are possible (plain MCAP)."""
         return {"rosbag1": "ros1", "mcap": None}.get(self.format, "cdr")
 
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """The topics so far, with the number of messages written."""
+        return tuple(
+            dataclasses.replace(topic, count=self._counts[self._numbers[topic.name, channel]])
+            for channel, topic in enumerate(self._topics)
+        )
+
+    @property
+    def times_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message, None without messages."""
+        return (self._start, self._end) if self._counts else None
+
     def add_topic(self, topic: Topic) -> None:
         """Declare a topic before its first message."""
         if self.encoding and topic.encoding != self.encoding:
             raise RecordingError(
                 f"topic {topic.name}: {self.format} holds {self.encoding} messages, these are {topic.encoding!r}"
             )
+        if topic.latched and topic.encoding == "cdr" and not topic.qos:
+            topic = dataclasses.replace(topic, qos=LATCHED_QOS)
+        topic = completed_topic(topic)
         number = self._open().add_topic(topic)
         self._topics.append(topic)
         # A message names its topic, or its channel too, where two topics share a name.
@@ -87,6 +107,7 @@ class FileWriter:
 
     def __enter__(self) -> Self:
         if self.format.startswith("rosbag2"):
+            self._check_folder()
             self._folder = self._stack.enter_context(atomic_directory(self.path))
             path = self._folder / self._storage_name()
         else:
@@ -114,6 +135,23 @@ class FileWriter:
             self._stack.__exit__(*sys.exc_info())
             raise
         self._stack.__exit__(None, None, None)
+        if self._folder is not None:
+            # Storage files of a recording that was replaced are carried over by atomic_directory.
+            for path in self.path.iterdir():
+                if path.name.endswith(STORAGE_SUFFIXES) and path.name != self._storage_name():
+                    path.unlink()
+
+    def _check_folder(self) -> None:
+        """Refuse to replace a folder that holds anything else than a recording."""
+        if not self.path.is_dir():
+            return
+        others = [
+            p.name for p in self.path.iterdir() if p.name != "metadata.yaml" and not p.name.endswith(STORAGE_SUFFIXES)
+        ]
+        if others:
+            raise UsageError(
+                f"{self.path}: the folder holds other files ({', '.join(sorted(others)[:3])}): name a new folder"
+            )
 
     def _open(self) -> _File:
         if self._file is None:

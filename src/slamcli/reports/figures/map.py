@@ -24,6 +24,7 @@ def map_png(
     *,
     trajectory: Trajectory | None = None,
     truth: Trajectory | None = None,
+    truth_label: str = "ground truth",
     path: NDArray[np.float64] | None = None,
     start: ArrayLike | None = None,
     goal: ArrayLike | None = None,
@@ -45,6 +46,8 @@ def map_png(
         Where the robot was, coloured by time from dark blue to orange; a disc at its start, a square at its end.
     truth
         Where it really was: a green band below the trajectory.
+    truth_label
+        What `truth` is called in the legend.
     path
         float64 (N, 2), metres, map frame: a planned path.
     start, goal
@@ -69,7 +72,11 @@ def map_png(
     for place, colour in ((start, scales.GREEN), (goal, scales.VERMILION)):
         if place is not None:
             _draw_place(picture, view, place, colour, thin, footprint_radius_m)
-    return raster.png(plane.framed(picture, view, title, _legend(trajectory, truth, path, start, goal)))
+    return raster.png(
+        plane.framed(
+            picture, view, title, _legend(trajectory, truth_label if truth is not None else "", path, start, goal)
+        )
+    )
 
 
 def _overlays(
@@ -208,7 +215,7 @@ def _draw_place(
 
 def _legend(
     trajectory: Trajectory | None,
-    truth: Trajectory | None,
+    truth_label: str,
     path: NDArray[np.float64] | None,
     start: ArrayLike | None,
     goal: ArrayLike | None,
@@ -217,8 +224,8 @@ def _legend(
     entries: list[tuple[str, Colour | None]] = []
     if trajectory is not None and len(trajectory):
         entries.append(plane.time_legend("trajectory", trajectory))
-    if truth is not None:
-        entries.append(("ground truth", scales.GREEN))
+    if truth_label:
+        entries.append((truth_label, scales.GREEN))
     if path is not None:
         entries.append(("path", scales.BLUE))
     entries += [

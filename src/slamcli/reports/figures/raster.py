@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import io
+import math
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Pixels = NDArray[np.uint8]
-_CHUNK = 20_000
+_CHUNK = 500_000
+"""Pixels that are looked at together: bounds memory."""
+_SMALL_RADIUS = 12.0
 _MAX_SAMPLES = 1_000_000
 
 
@@ -31,7 +34,6 @@ def stroke(
     width_px: float,
     *,
     opacity: float = 1.0,
-    dash_px: float | None = None,
 ) -> None:
     """Draw a polyline onto `image`, later parts over earlier ones.
 
@@ -47,8 +49,6 @@ def stroke(
         Width of the line; its ends are round.
     opacity
         0 to 1, of the line as a whole: where it crosses itself it gets no darker.
-    dash_px
-        Length of dashes and of the gaps between them, or None for a solid line.
     """
     points = np.asarray(points_px, dtype=np.float64).reshape(-1, 2)
     shades = np.broadcast_to(np.asarray(colours, dtype=np.float64), (len(points), 3))
@@ -59,8 +59,6 @@ def stroke(
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     step = max(0.5, width_px / 8, along[-1] / _MAX_SAMPLES)
     s = np.linspace(0.0, along[-1], int(along[-1] / step) + 2)
-    if dash_px:
-        s = s[(s // dash_px) % 2 == 0]
     samples = np.column_stack([np.interp(s, along, points[:, i]) for i in (0, 1)])
     shade = np.column_stack([np.interp(s, along, shades[:, i]) for i in (0, 1, 2)])
     _stamp(image, samples, shade, width_px / 2, opacity)
@@ -153,24 +151,49 @@ def _stamp(image: Pixels, centres: NDArray[Any], shade: NDArray[Any], radius: fl
     right, bottom = np.minimum(np.ceil(centres.max(axis=0) + reach), [width, height]).astype(np.int64)
     coverage = np.zeros((bottom - top, right - left), dtype=np.float32)
     owner = np.zeros(coverage.shape, dtype=np.int64)
-    span = np.arange(-int(np.ceil(reach)), int(np.ceil(reach)) + 1)
+    cover = _cover_small if radius <= _SMALL_RADIUS else _cover_large
+    cover(coverage, owner, centres - np.array([left, top]), radius)
+    rows, columns = np.nonzero(coverage)
+    weight = coverage[rows, columns, None] * np.float32(opacity)
+    below = image[rows + top, columns + left].astype(np.float32)
+    mixed = below + (shade[owner[rows, columns]].astype(np.float32) - below) * weight
+    image[rows + top, columns + left] = np.round(mixed).astype(np.uint8)
+
+
+def _cover_small(
+    coverage: NDArray[np.float32], owner: NDArray[np.int64], centres: NDArray[np.float64], radius: float
+) -> None:
+    """Lay many small discs into `coverage`, all pixels around thousands of them at once; `owner` is the last disc there."""
+    height, width = coverage.shape
+    span = np.arange(-math.ceil(radius + 1), math.ceil(radius + 1) + 1)
     dx, dy = (d.ravel() for d in np.meshgrid(span, span))
-    chunk = max(1, _CHUNK * 25 // len(dx))
+    chunk = max(1, _CHUNK // len(dx))
     for first in range(0, len(centres), chunk):
         part = centres[first : first + chunk]
         x = np.floor(part[:, :1]).astype(np.int64) + dx
         y = np.floor(part[:, 1:]).astype(np.int64) + dy
         distance = np.hypot(x + 0.5 - part[:, :1], y + 0.5 - part[:, 1:])
         share = np.clip(radius + 0.5 - distance, 0.0, 1.0).astype(np.float32)
-        hit = (share > 0) & (x >= left) & (x < right) & (y >= top) & (y < bottom)
-        cell = ((y - top) * coverage.shape[1] + (x - left))[hit]
+        hit = (share > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        cell = (y * width + x)[hit]
         np.maximum.at(coverage.reshape(-1), cell, share[hit])
         owner.reshape(-1)[cell] = np.broadcast_to(np.arange(first, first + len(part))[:, None], hit.shape)[hit]
-    rows, columns = np.nonzero(coverage)
-    weight = coverage[rows, columns, None] * np.float32(opacity)
-    below = image[rows + top, columns + left].astype(np.float32)
-    mixed = below + (shade[owner[rows, columns]].astype(np.float32) - below) * weight
-    image[rows + top, columns + left] = np.round(mixed).astype(np.uint8)
+
+
+def _cover_large(
+    coverage: NDArray[np.float32], owner: NDArray[np.int64], centres: NDArray[np.float64], radius: float
+) -> None:
+    """Lay few large discs into `coverage`, one by one and only as far as the image reaches."""
+    height, width = coverage.shape
+    for i, (x, y) in enumerate(centres.tolist()):
+        x0, x1 = max(0, math.floor(x - radius - 1)), min(width, math.ceil(x + radius + 1))
+        y0, y1 = max(0, math.floor(y - radius - 1)), min(height, math.ceil(y + radius + 1))
+        if x0 >= x1 or y0 >= y1:
+            continue
+        distance = np.hypot(np.arange(x0, x1) + 0.5 - x, (np.arange(y0, y1) + 0.5 - y)[:, None])
+        share = np.clip(radius + 0.5 - distance, 0.0, 1.0).astype(np.float32)
+        owner[y0:y1, x0:x1][share > 0] = i
+        np.maximum(coverage[y0:y1, x0:x1], share, out=coverage[y0:y1, x0:x1])
 
 
 def _blend(region: Pixels, mask: NDArray[np.float32], colour: NDArray[np.float32]) -> None:

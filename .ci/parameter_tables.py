@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: MIT
+"""Write the parameter tables of docs/configuration.md from their declarations: python .ci/parameter_tables.py"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from slamcli.cli.config import bounds, shown_value
+from slamcli.parameters import Declaration
+from slamcli.pipelines.config_show import show
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
+_BLOCK = re.compile(r"(<!-- begin parameters: (\w+) -->\n).*?(<!-- end parameters -->)", re.DOTALL)
+
+
+def render(text: str) -> str:
+    """Return the page with every table made anew."""
+    return _BLOCK.sub(lambda match: match.group(1) + table(match.group(2)) + match.group(3), text)
+
+
+def table(algo: str) -> str:
+    rows = ["| parameter | default | unit | range | meaning |", "|---|---|---|---|---|"]
+    rows += [_row(parameter.declaration) for parameter in show(algo).parameters]
+    return "\n" + "\n".join(rows) + "\n\n"
+
+
+def _row(entry: Declaration) -> str:
+    marks = (" *(slamcli's own)*" if entry.extension else "") + (" *(no effect here)*" if not entry.effective else "")
+    name = "-" if entry.default == "" else shown_value(entry.default)
+    cells = [
+        f"`{entry.name}`",
+        name,
+        entry.unit,
+        bounds(entry.minimum, entry.maximum, entry.choices),
+        entry.help + marks,
+    ]
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(render(PAGE.read_text()))

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: MIT
+"""``slamcli convert``: recordings and classic logs between formats."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from slamcli.cli.console import Console, print_json
+from slamcli.cli.options import json_option, verbosity_options
+
+if TYPE_CHECKING:
+    from slamcli.pipelines.convert import Conversion
+
+_FORMATS = ("rosbag1", "mcap", "rosbag2-mcap", "rosbag2-sqlite3", "sqlite3")
+
+
+def _names(context: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:  # noqa: ARG001
+    return tuple(name for value in values for name in value.split(",") if name)
+
+
+@click.command()
+@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SRC... DST")
+@click.option(
+    "--format", "format_", type=click.Choice(_FORMATS), help="Format of DST; found from its name where left out."
+)
+@click.option(
+    "--compression",
+    type=click.Choice(("none", "lz4", "bz2", "zstd")),
+    help="rosbag1: none, bz2, lz4; MCAP: none, lz4, zstd (default); rosbag2-sqlite3: none, zstd.",
+)
+@click.option(
+    "--encoding",
+    type=click.Choice(("cdr", "ros1")),
+    help="Messages in a plain MCAP file: ROS 2's (default) or ROS 1's.",
+)
+@click.option("--start", "start_s", type=float, help="Leave out so many seconds at the beginning.")
+@click.option("--duration", "duration_s", type=float, help="Convert so many seconds.")
+@click.option("--topics", multiple=True, callback=_names, metavar="NAME,...", help="Only these topics.")
+@click.option("--exclude-topics", multiple=True, callback=_names, metavar="NAME,...", help="Not these topics.")
+@click.option("--laser-fov", type=click.FloatRange(0, 360, min_open=True), metavar="DEG", help="CARMEN: field of view.")
+@click.option(
+    "--laser-max-range",
+    type=click.FloatRange(0, min_open=True),
+    metavar="M",
+    help="CARMEN, BreezySLAM: readings at or over this are no return.",
+)
+@click.option(
+    "--wheels",
+    type=click.FloatRange(0, min_open=True),
+    nargs=3,
+    metavar="RADIUS HALF_AXLE TICKS",
+    help="BreezySLAM: wheel radius and half axle in metres, ticks per turn. [default: 0.077 0.165 2000]",
+)
+@click.option("--laser-ahead", type=float, metavar="M", help="BreezySLAM: laser ahead of the axle. [default: 0.145]")
+@json_option
+@verbosity_options
+def command(
+    paths: tuple[Path, ...],
+    format_: str | None,
+    compression: str | None,
+    encoding: str | None,
+    start_s: float | None,
+    duration_s: float | None,
+    topics: tuple[str, ...],
+    exclude_topics: tuple[str, ...],
+    laser_fov: float | None,
+    laser_max_range: float | None,
+    wheels: tuple[float, float, float] | None,
+    laser_ahead: float | None,
+    as_json: bool,
+    verbosity: int,
+) -> int:
+    r"""Convert recordings and classic logs between formats.
+
+    SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording) or a classic log
+    (CARMEN .log and .clf, BreezySLAM exp*.dat, also gzipped CARMEN). DST is named .bag (ROS 1), .mcap, .db3, or is a
+    folder (a ROS 2 bag). Messages and stamps are kept; what DST held before is replaced in one step.
+
+    \b
+    slamcli convert intel.clf.gz intel.mcap
+    slamcli convert drive.bag drive_ros2
+    slamcli convert drive_0.bag drive_1.bag drive.mcap --topics /scan,/odom,/tf,/tf_static
+    """
+    from slamcli.errors import UsageError
+    from slamcli.pipelines.convert import Selection, convert
+    from slamcli.recordings.breezy import BreezyOptions
+    from slamcli.recordings.carmen import CarmenOptions
+    from slamcli.runtime import RunLog
+
+    if len(paths) < 2:
+        raise UsageError("name what to convert and where to: slamcli convert SRC DST")
+    carmen = CarmenOptions(fov_rad=math.radians(laser_fov) if laser_fov else None, max_range_m=laser_max_range)
+    robot: dict[str, Any] = {"laser_ahead_m": laser_ahead, "range_max_m": laser_max_range}
+    if wheels:
+        robot |= dict(zip(("wheel_radius_m", "half_axle_m", "ticks_per_turn"), wheels, strict=True))
+    breezy = BreezyOptions(**{name: value for name, value in robot.items() if value is not None})
+    began = time.perf_counter()
+    with Console(verbosity) as console:
+        log = RunLog(console)
+        conversion = convert(
+            paths[:-1],
+            paths[-1],
+            format=format_,
+            compression=compression,
+            encoding=encoding,
+            selection=Selection(start_s=start_s, duration_s=duration_s, topics=topics, exclude_topics=exclude_topics),
+            carmen=carmen,
+            breezy=breezy,
+            log=log,
+        )
+        console.tell(log)
+        seconds = time.perf_counter() - began
+        if as_json:
+            print_json(_document(conversion, log.notes, log.warnings, dict(log.counts), seconds))
+        elif verbosity >= 0:
+            click.echo(_summary(conversion, seconds))
+    return 0
+
+
+def _document(
+    conversion: Conversion, notes: list[str], warnings: list[str], counts: dict[str, int], seconds: float
+) -> dict[str, Any]:
+    return {
+        "sources": [str(path) for path in conversion.sources],
+        "source_format": conversion.source_format,
+        "target": str(conversion.target),
+        "format": conversion.format,
+        "compression": conversion.compression,
+        "size_bytes": conversion.size_bytes,
+        "num_messages": conversion.num_messages,
+        "num_lost": conversion.num_lost,
+        "start_ns": conversion.start_ns,
+        "end_ns": conversion.end_ns,
+        "topics": [
+            {"name": topic.name, "type": topic.msgtype, "encoding": topic.encoding, "count": topic.count}
+            for topic in conversion.topics
+        ],
+        "damage": list(conversion.damage),
+        "notes": notes,
+        "warnings": warnings,
+        "counts": counts,
+        "seconds": round(seconds, 3),
+    }
+
+
+def _summary(conversion: Conversion, seconds: float) -> str:
+    width = max((len(topic.name) for topic in conversion.topics), default=0)
+    lines = [f"  {topic.name:<{width}}  {topic.count:>8}  {topic.msgtype}" for topic in conversion.topics]
+    span = ((conversion.end_ns or 0) - (conversion.start_ns or 0)) / 1e9
+    lines.append(
+        f"{conversion.target}: {conversion.format}, {conversion.num_messages} messages over {span:.1f} s, "
+        f"{conversion.size_bytes / 1e6:.1f} MB ({conversion.compression}), in {seconds:.1f} s"
+    )
+    return "\n".join(lines)

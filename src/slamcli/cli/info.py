@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: MIT
+"""``slamcli info``."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from slamcli.cli.console import Console, print_json
+from slamcli.cli.options import json_option, verbosity_options
+from slamcli.cli.recording_options import recording_options
+
+if TYPE_CHECKING:
+    from slamcli.geometry.frame_tree import FrameTree
+    from slamcli.measurements import CameraModel
+    from slamcli.recordings.mends import Mends
+    from slamcli.recordings.summary import RecordingSummary, TopicSummary
+    from slamcli.runtime import RunLog
+
+
+@click.command()
+@click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--full", is_flag=True, help="Read a big recording to its end for gaps, frames and traits.")
+@json_option
+@recording_options
+@verbosity_options
+def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, verbosity: int) -> int:
+    """Say what a recording holds, and which SLAM systems can run on it.
+
+    BAG is a ROS 1 bag, a ROS 2 folder or file, an MCAP file, or a CARMEN or exp*.dat log; several files are read as one
+    recording. Of recordings over 64 MB only the index and the first seconds are read, unless --full is given.
+    """
+    from slamcli.recordings import open_recording
+    from slamcli.recordings.summary import summarise
+    from slamcli.runtime import RunLog
+
+    with Console(verbosity) as console:
+        log = RunLog(console)
+        with open_recording(bags, mends=mends, log=log) as recording, log.stage("reading"):
+            summary = summarise(recording, full=full)
+        console.tell(log)
+    if as_json:
+        print_json(_document(summary, log))
+    else:
+        click.echo(_text(summary))
+    return 0
+
+
+def _document(summary: RecordingSummary, log: RunLog) -> dict[str, Any]:
+    contents = summary.contents
+    return {
+        "files": [str(path) for path in contents.paths],
+        "format": contents.format,
+        "compression": contents.compression,
+        "size_bytes": contents.size_bytes,
+        "messages": contents.num_messages,
+        "start_ns": contents.start_ns,
+        "end_ns": contents.end_ns,
+        "duration_s": summary.duration_s,
+        "sampled_s": summary.sampled_s,
+        "damage": list(contents.damage),
+        "topics": [_topic_document(topic) for topic in summary.topics],
+        "frames": _frames_document(summary.frames),
+        "calibration": [_camera_document(camera) for camera in summary.cameras],
+        "tiers": [
+            {"tier": fit.tier, "runs": fit.runs, "mode": fit.mode, "topics": dict(fit.topics)} for fit in summary.tiers
+        ],
+        "notes": log.notes,
+        "warnings": log.warnings,
+    }
+
+
+def _topic_document(topic: TopicSummary) -> dict[str, Any]:
+    return {
+        "name": topic.topic.name,
+        "type": topic.topic.msgtype,
+        "count": topic.count,
+        "rate_hz": topic.rate_hz,
+        "largest_gap_s": topic.largest_gap_s,
+        "gap_at_ns": topic.gap_at_ns,
+        "frame_id": topic.frame_id,
+        "traits": topic.traits,
+    }
+
+
+def _frames_document(frames: FrameTree) -> dict[str, Any]:
+    return {
+        "roots": list(frames.roots),
+        "edges": [
+            {"parent": edge.parent, "child": edge.child, "static": edge.static, "samples": edge.num_samples}
+            for edge in frames.edges
+        ],
+        "problems": list(frames.problems),
+    }
+
+
+def _camera_document(camera: CameraModel) -> dict[str, Any]:
+    return {
+        "topic": camera.topic,
+        "frame_id": camera.frame_id,
+        "width": camera.width,
+        "height": camera.height,
+        "distortion_model": camera.distortion_model,
+        "distortion": camera.distortion.tolist(),
+        "K": camera.intrinsics.tolist(),
+        "P": camera.projection.tolist(),
+    }
+
+
+def _text(summary: RecordingSummary) -> str:
+    contents = summary.contents
+    size = _size(contents.size_bytes)
+    names = ", ".join(str(path) for path in contents.paths[:4]) + (", …" if len(contents.paths) > 4 else "")
+    lines = [
+        f"{names}",
+        f"  {contents.format}, {size}, compression {contents.compression}",
+        f"  {_messages(contents.num_messages)} in {_duration(summary.duration_s)}, from {_time(contents.start_ns)}",
+    ]
+    lines += [f"  damaged: {damage}" for damage in contents.damage]
+    if summary.sampled_s is not None:
+        lines.append(
+            f"  gaps, frames and traits are those of the first {summary.sampled_s:.1f} s (--full reads everything)"
+        )
+    lines += ["", *_topic_lines(summary.topics), "", *_frame_lines(summary.frames)]
+    lines += ["", "runs on it"]
+    for fit in summary.tiers:
+        topics = ", ".join(f"{role} {topic}" for role, topic in fit.topics.items())
+        lines.append(f"  {fit.tier:13} {('yes: ' if fit.runs else 'no: ') + fit.mode}" + f" ({topics})" * bool(topics))
+    return "\n".join(lines)
+
+
+def _topic_lines(topics: tuple[TopicSummary, ...]) -> list[str]:
+    if not topics:
+        return ["no topics"]
+    rows = [("topic", "type", "count", "Hz", "longest gap", "frame", "")]
+    rows += [
+        (
+            topic.topic.name,
+            topic.topic.msgtype.replace("/msg/", "/"),
+            "?" if topic.count is None else str(topic.count),
+            "" if topic.rate_hz is None else f"{topic.rate_hz:.4g}",
+            "" if topic.largest_gap_s is None else f"{topic.largest_gap_s:.3g} s",
+            topic.frame_id or "",
+            topic.traits,
+        )
+        for topic in topics
+    ]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    right = {2, 3, 4}
+    return [
+        "  ".join(cell.rjust(width) if i in right else cell.ljust(width) for i, (cell, width) in enumerate(zip(row, widths, strict=True))).rstrip()
+        for row in rows
+    ]  # fmt: skip
+
+
+def _frame_lines(frames: FrameTree) -> list[str]:
+    if not frames.frames:
+        return ["no frames (neither /tf nor /tf_static)"]
+    lines = ["frames (* moves)"]
+    children: dict[str, list[str]] = {}
+    for edge in frames.edges:
+        children.setdefault(edge.parent, []).append(edge.child)
+    pending = [(root, 1) for root in reversed(frames.roots)]
+    while pending:
+        frame, depth = pending.pop()
+        edge_to = frames.edge(frame)
+        lines.append("  " * depth + frame + (" *" if edge_to is not None and not edge_to.static else ""))
+        pending += [(child, depth + 1) for child in reversed(children.get(frame, []))]
+    return lines + [f"  problem: {problem}" for problem in frames.problems]
+
+
+def _messages(count: int | None) -> str:
+    return "an unknown number of messages" if count is None else f"{count} messages"
+
+
+def _size(size_bytes: int) -> str:
+    size = float(size_bytes)
+    for unit in ("B", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.4g} {unit}"
+        size /= 1000
+    return f"{size:.4g} GB"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.3f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{seconds:.1f} s ({minutes // 60}:{minutes % 60:02}:{rest:02})"
+
+
+def _time(stamp_ns: int | None) -> str:
+    """Return a log time as a date, or as seconds where it is none that a person would recognise."""
+    if stamp_ns is None:
+        return "?"
+    if not 10**17 < stamp_ns < 10**19 // 2:
+        return f"{stamp_ns / 1e9:.3f} s"
+    moment = dt.datetime.fromtimestamp(stamp_ns // 10**9, tz=dt.UTC)
+    return f"{moment:%Y-%m-%d %H:%M:%S} UTC"

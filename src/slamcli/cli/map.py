@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT
+"""``slamcli map``: a map and a trajectory from a recording."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from slamcli.cli import kernel_cache
+from slamcli.cli.console import Console, print_json
+from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
+from slamcli.cli.recording_options import recording_options
+from slamcli.runtime import RunLog
+
+if TYPE_CHECKING:
+    from slamcli.pipelines.map import MapOutcome
+    from slamcli.recordings import Mends
+
+
+@click.command()
+@click.argument("bag", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--algo", default="gmapping", show_default=True, help="SLAM system (an installed `slamcli.mappers` entry point)."
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="Folder for the result (default: BAG's name with -maps, beside it).",
+)
+@click.option(
+    "--config",
+    "config_files",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Native file of the system (launch, YAML); later wins.",
+)
+@click.option(
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="One parameter, by its native name (`slamcli config show`).",
+)
+@click.option("--arg", "arguments", multiple=True, metavar="NAME=VALUE", help="An argument of a launch file.")
+@click.option("--scan-topic", help="Topic of the laser scans.")
+@click.option("--odom-topic", help="Topic of the odometry; `tf` takes it from the transforms.")
+@click.option("--base-frame", help="Frame of the robot.")
+@click.option("--odom-frame", help="Frame of the odometry.")
+@click.option("--map-frame", help="Name of the map's frame.")
+@click.option("--start", "start_s", type=float, metavar="SECONDS", help="Begin this long after the recording's start.")
+@click.option("--duration", "duration_s", type=float, metavar="SECONDS", help="Use this much of the recording.")
+@click.option(
+    "--map-mode",
+    type=click.Choice(["trinary", "scale", "raw"]),
+    default="trinary",
+    show_default=True,
+    help="How occupancy is written into map.pgm.",
+)
+@click.option(
+    "--truth", metavar="TRAJECTORY", help="True trajectory (file, or BAG:/topic): its errors go into the report."
+)
+@seed_option
+@jobs_option
+@recording_options
+@json_option
+@verbosity_options
+def command(
+    bag: tuple[Path, ...],
+    mends: Mends,
+    verbosity: int,
+    as_json: bool,
+    jobs: int,
+    arguments: tuple[str, ...],
+    **options: Any,
+) -> int:
+    """Build a map and a trajectory from the recording BAG (several files: one recording that was split).
+
+    \b
+    slamcli map --algo gmapping intel.mcap -o intel
+    slamcli map robot.bag --config gmapping.launch --set particles=50 --seed 3
+    slamcli map run.db3 --scan-topic /front/scan --start 30 --duration 120
+
+    The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan), map.png, report.html and run.json.
+    """  # noqa: D301 - click needs the backspace itself
+    kernel_cache.prepare()
+    from slamcli.pipelines.map import MapRequest, run_map
+
+    launch_arguments = _pairs(arguments)
+    request = MapRequest(
+        inputs=bag, mends=mends, jobs=jobs or os.cpu_count() or 1, launch_arguments=launch_arguments,
+        command=_command_line(bag, launch_arguments, options), **options,
+    )  # fmt: skip
+    with Console(verbosity) as console:
+        if not kernel_cache.is_filled("registration"):
+            console.say("compiling kernels, once (about 20 s; `slamcli warmup` does it beforehand)")
+        log = RunLog(console)
+        try:
+            outcome = run_map(request, log)
+        finally:
+            console.tell(log)
+        if as_json:
+            print_json(outcome.run)
+        else:
+            _tell(outcome, console)
+    return 0
+
+
+def _tell(outcome: MapOutcome, console: Console) -> None:
+    run, summary = outcome.run, outcome.run["summary"]
+    resolution = outcome.result.grid.resolution_m if outcome.result.grid is not None else 0.0
+    console.say(
+        f"{outcome.output}: map of {summary['map_width_cells'] * resolution:.1f} x {summary['map_height_cells'] * resolution:.1f} m, "
+        f"{summary['poses']} poses, path of {summary['path_length_m']:.1f} m, "
+        f"{run['timing']['total_s']:.1f} s ({run['timing']['realtime_factor']:.0f} x real time), {run['peak_memory_bytes'] / 1e6:.0f} MB"
+    )
+    for key, value in summary.get("truth", {}).items():
+        if key.endswith(".rmse"):
+            console.say(f"{key} {value:.4f}")
+
+
+def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
+    pairs = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise click.BadParameter(f"{text!r}: write it as NAME=VALUE", param_hint="--arg")
+        pairs[name] = value
+    return pairs
+
+
+def _command_line(bag: tuple[Path, ...], arguments: dict[str, str], options: dict[str, Any]) -> str:
+    """Return the command that makes this result again: without the output folder and what cannot change the result."""
+    words = ["slamcli", "map", "--algo", options["algo"], *(path.name for path in bag), "--seed", str(options["seed"])]
+    names = {"config_files": "--config", "sets": "--set", "start_s": "--start", "duration_s": "--duration"}
+    for key, value in options.items():
+        if key in ("algo", "seed", "output") or value in (None, ()) or (key == "map_mode" and value == "trinary"):
+            continue
+        flag = names.get(key, f"--{key.replace('_', '-')}")
+        for item in value if isinstance(value, tuple) else (value,):
+            words += [flag, str(item)]
+    for name, value in arguments.items():
+        words += ["--arg", f"{name}={value}"]
+    return shlex.join(words)

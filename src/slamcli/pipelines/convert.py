@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: MIT
+"""Recordings and classic logs to recordings of any format."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import os
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from slamcli.errors import RecordingError, UsageError
+from slamcli.recordings.breezy import BreezyOptions, is_breezy, read_breezy
+from slamcli.recordings.carmen import CarmenOptions, read_carmen
+from slamcli.recordings.carmen_lines import is_carmen
+from slamcli.recordings.containers import create_raw, open_raw
+from slamcli.recordings.containers.transcoding import Transcoder, TranscodingError
+from slamcli.recordings.containers.writer import FileWriter
+from slamcli.recordings.log_record import LogRecord
+from slamcli.recordings.raw import Contents, RawMessage, RawReader, Topic
+from slamcli.recordings.writing import RecordingWriter
+from slamcli.runtime import RunLog
+
+_CARMEN_SUFFIXES = (".clf", ".log", ".clf.gz", ".log.gz")
+_PROGRESS_EVERY = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """Which part of a recording to convert."""
+
+    start_s: float | None = None
+    """Seconds of log time from the recording's start."""
+    duration_s: float | None = None
+    topics: tuple[str, ...] = ()
+    """Only these topics; all if empty."""
+    exclude_topics: tuple[str, ...] = ()
+
+    def chooses(self, topic: str) -> bool:
+        """Return whether a topic is to be converted."""
+        return (not self.topics or topic in self.topics) and topic not in self.exclude_topics
+
+    def check(self, known: Collection[str]) -> None:
+        """Raise UsageError if a topic is named that the recording has not, or no topic is left."""
+        for name in (*self.topics, *self.exclude_topics):
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or sorted(known)[:8]
+                raise UsageError(f"no topic {name!r} in the recording; it has {', '.join(near) or 'none'}")
+        if known and not any(map(self.chooses, known)):
+            raise UsageError("no topic is left to convert")
+
+    def window_ns(self, start_ns: int, length_s: float | None = None) -> tuple[int | None, int | None]:
+        """Return the log times (from, before) for a recording that starts at `start_ns`.
+
+        Raises
+        ------
+        UsageError
+            If the part is empty or begins after the recording's end.
+        """
+        start_s = self.start_s or 0.0
+        if not 0 <= start_s < 1e9 or (length_s is not None and start_s > length_s):
+            lasts = "" if length_s is None else f": the recording lasts {length_s:.1f} s"
+            raise UsageError(f"--start {start_s:g} lies outside of the recording{lasts}")
+        if self.duration_s is not None and not 0 < self.duration_s < 1e9:
+            raise UsageError(f"--duration {self.duration_s:g} must be more than 0 s")
+        first = start_ns + round(start_s * 1e9)
+        stop = None if self.duration_s is None else first + round(self.duration_s * 1e9)
+        return (None if self.start_s is None else first), stop
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conversion:
+    """What was converted."""
+
+    sources: tuple[Path, ...]
+    source_format: str
+    target: Path
+    format: str
+    compression: str
+    size_bytes: int
+    topics: tuple[Topic, ...]
+    """The target's topics with the number of messages written."""
+    num_messages: int
+    start_ns: int | None
+    end_ns: int | None
+    num_lost: int
+    """Messages that could not be converted (their bytes were not what their type says)."""
+    damage: tuple[str, ...]
+
+
+def convert(
+    sources: Sequence[str | os.PathLike[str]],
+    target: str | os.PathLike[str],
+    *,
+    format: str | None = None,
+    compression: str | None = None,
+    encoding: str | None = None,
+    selection: Selection | None = None,
+    carmen: CarmenOptions | None = None,
+    breezy: BreezyOptions | None = None,
+    log: RunLog | None = None,
+) -> Conversion:
+    """Convert a recording or a classic log to a recording; what was at `target` is replaced in one step.
+
+    Parameters
+    ----------
+    sources
+        One recording (several files if it was split), or one CARMEN or BreezySLAM log; told apart by content.
+    target
+        File or folder to write; `format` and `compression` as in `slamcli.recordings.containers.create_raw`.
+    encoding
+        ``ros1`` or ``cdr`` for plain MCAP, which holds both; None is ``cdr``.
+    log
+        Gets warnings on damage and what was left out.
+
+    Raises
+    ------
+    UsageError
+        If target and source are the same, or the options do not fit.
+    RecordingError
+        If the source is no recording, nothing can be read of it, or its messages cannot be expressed in the target.
+    """
+    log = log or RunLog()
+    selection = selection or Selection()
+    paths = [Path(source) for source in sources]
+    _check_target(paths, Path(target))
+    writer = create_raw(target, format=format, compression=compression)
+    if encoding is not None and writer.encoding not in (None, encoding):
+        raise UsageError(f"{writer.format} holds {writer.encoding} messages; --encoding is for plain MCAP files")
+    encoding = writer.encoding or encoding or "cdr"
+    classic = _classic_kind(paths, breezy)
+    if classic == "":
+        copy = _Copy(writer, encoding, selection, log)
+        with open_raw(paths, log) as reader, writer:
+            copy.run(reader)
+            contents = reader.contents
+    else:
+        records = read_carmen(paths[0], log, carmen) if classic == "carmen" else read_breezy(paths[0], log, breezy)
+        with writer:
+            contents = _write_records(records, writer, encoding, selection, log)
+        contents = dataclasses.replace(contents, paths=tuple(paths), format=classic)
+    return _conversion(contents, writer, copy.num_lost if classic == "" else 0)
+
+
+def _conversion(contents: Contents, writer: FileWriter, num_lost: int) -> Conversion:
+    start_ns, end_ns = writer.times_ns or (None, None)
+    return Conversion(
+        sources=contents.paths,
+        source_format=contents.format,
+        target=writer.path,
+        format=writer.format,
+        compression=writer.compression,
+        size_bytes=sum(p.stat().st_size for p in writer.path.rglob("*"))
+        if writer.path.is_dir()
+        else writer.path.stat().st_size,
+        topics=writer.topics,
+        num_messages=sum(topic.count or 0 for topic in writer.topics),
+        start_ns=start_ns,
+        end_ns=end_ns,
+        num_lost=num_lost,
+        damage=contents.damage,
+    )
+
+
+def _check_target(sources: Sequence[Path], target: Path) -> None:
+    resolved = target.resolve()
+    for source in sources:
+        if source.resolve() == resolved:
+            raise UsageError(f"{target}: source and target are the same")
+        if source.resolve().is_relative_to(resolved):
+            raise UsageError(f"{target}: the source {source} lies in the target, which would be replaced")
+        if source.is_dir() and resolved.is_relative_to(source.resolve()):
+            raise UsageError(f"{target}: the target lies in the source {source}: write it somewhere else")
+
+
+def _classic_kind(paths: Sequence[Path], breezy: BreezyOptions | None) -> str:
+    """Return ``carmen`` or ``breezy`` for a classic log, else an empty string."""
+    kinds = [_kind_of(path, breezy) for path in paths if path.is_file()]
+    kind = next((kind for kind in kinds if kind), "")
+    if kind and len(paths) > 1:
+        raise UsageError("classic logs are converted one at a time")
+    return kind
+
+
+def _kind_of(path: Path, breezy: BreezyOptions | None) -> str:
+    if path.stat().st_size and (path.name.lower().endswith(_CARMEN_SUFFIXES) or is_carmen(path)):
+        return "carmen"
+    return "breezy" if is_breezy(path, breezy) else ""
+
+
+class _Copy:
+    """Copies messages from a container to another, changing their encoding where needed."""
+
+    def __init__(self, writer: FileWriter, encoding: str, selection: Selection, log: RunLog) -> None:
+        self._writer = writer
+        self._encoding = encoding
+        self._selection = selection
+        self._log = log
+        self._transcoders: dict[int, Transcoder] = {}
+        self._lost: Counter[str] = Counter()
+        self._first_loss: dict[str, str] = {}
+
+    @property
+    def num_lost(self) -> int:
+        """Messages that could not be converted."""
+        return self._lost.total()
+
+    def run(self, reader: RawReader) -> None:
+        contents = reader.contents
+        names = [topic.name for topic in contents.topics]
+        self._selection.check(names)
+        channels = self._add_topics(contents)
+        if contents.damage and not contents.num_messages:
+            raise RecordingError(f"{contents.damage[0]}; no message of it can be read")
+        first_ns = contents.start_ns or 0
+        length_s = ((contents.end_ns or first_ns) - first_ns) / 1e9
+        start_ns, stop_ns = self._selection.window_ns(first_ns, length_s)
+        wanted = None if len(channels) == len(names) else {names[channel] for channel in channels}
+        with self._log.stage("convert", length_s):
+            for number, message in enumerate(reader.messages(wanted, start_ns, stop_ns)):
+                if number % _PROGRESS_EVERY == 0:
+                    self._log.progress.update((message.log_time_ns - first_ns) / 1e9)
+                self._copy(message, channels)
+        for topic, count in self._lost.items():
+            self._log.warn(
+                f"{topic}: {count} messages are not what their type says and are left out ({self._first_loss[topic]})"
+            )
+
+    def _add_topics(self, contents: Contents) -> dict[int, int]:
+        """Declare the chosen topics; return the target's channel of each source channel."""
+        channels: dict[int, int] = {}
+        for channel, topic in enumerate(contents.topics):
+            if not self._selection.chooses(topic.name):
+                continue
+            if topic.encoding != self._encoding and self._must_transcode(topic):
+                transcoder = Transcoder(topic, self._encoding)
+                if transcoder.migrates:
+                    self._log.warn(
+                        f"{topic.name}: {topic.msgtype} differs between ROS 1 and ROS 2; fields of the same name are kept"
+                    )
+                self._transcoders[channel] = transcoder
+                topic = transcoder.topic
+            channels[channel] = len(channels)
+            self._writer.add_topic(topic)
+        return channels
+
+    def _must_transcode(self, topic: Topic) -> bool:
+        # Plain MCAP holds any encoding: json and protobuf pass as they are.
+        return self._writer.encoding is not None or topic.encoding in ("ros1", "cdr")
+
+    def _copy(self, message: RawMessage, channels: dict[int, int]) -> None:
+        transcoder = self._transcoders.get(message.channel)
+        name = message.topic
+        if transcoder is not None:
+            try:
+                message = transcoder.message(message)
+            except TranscodingError as error:
+                self._lost[name] += 1
+                self._first_loss.setdefault(name, f"the first at {message.log_time_ns / 1e9:.6f} s: {error}")
+                return
+        self._writer.write(message._replace(channel=channels[message.channel]))
+
+
+def _write_records(
+    records: Iterable[LogRecord], writer: FileWriter, encoding: str, selection: Selection, log: RunLog
+) -> Contents:
+    """Write a classic log's measurements."""
+    messages = RecordingWriter(writer, encoding)
+    seen: set[str] = set()
+    with log.stage("convert"):
+        for record in _selected(records, selection, seen):
+            messages.write(record.topic, record.measurement, log_time_ns=record.log_time_ns)
+    selection.check(seen)
+    return Contents(
+        paths=(), format="", size_bytes=0, topics=(), start_ns=None, end_ns=None, num_messages=None, compression=""
+    )
+
+
+def _selected(records: Iterable[LogRecord], selection: Selection, seen: set[str]) -> Iterator[LogRecord]:
+    start_ns: int | None = None
+    stop_ns: int | None = None
+    for number, record in enumerate(records):
+        if number == 0:
+            start_ns, stop_ns = selection.window_ns(record.log_time_ns)
+        seen.add(record.topic)
+        static = record.topic == "/tf_static"  # without the mounts the rest is of little use
+        if stop_ns is not None and record.log_time_ns >= stop_ns and not static:
+            continue
+        if selection.chooses(record.topic) and (static or start_ns is None or record.log_time_ns >= start_ns):
+            yield record

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: MIT
+"""From a recording to a map and a trajectory: the recipe of ``slamcli map``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from slamcli.errors import UsageError
+from slamcli.formats.map_modes import Mode
+from slamcli.formats.maps import write_map
+from slamcli.formats.trajectories import write_tum
+from slamcli.mapper import MappingResult, Setup, find_tier
+from slamcli.outputs import atomic_directory
+from slamcli.parameters import as_dict, declarations
+from slamcli.pipelines.config import NativeConfig, load_native
+from slamcli.pipelines.evaluate import TrajectoryScore, score_trajectory
+from slamcli.pipelines.planar_input import PlanarFeed, feed_planar
+from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
+from slamcli.pipelines.trajectories import load_trajectory
+from slamcli.pipelines.view_alignment import laid_over
+from slamcli.recordings import Mends, open_recording
+from slamcli.reports.figures import map_png
+from slamcli.reports.html import report
+from slamcli.runtime import RunLog
+from slamcli.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapRequest:
+    """What to map, and how; None means "found from the recording"."""
+
+    algo: str
+    inputs: Sequence[Path]
+    output: Path | None = None
+    """Folder for the result; default: the recording's name with ``-maps`` beside the recording."""
+    config_files: Sequence[Path] = ()
+    sets: Sequence[str] = ()
+    """``KEY=VALUE`` with native keys."""
+    launch_arguments: Mapping[str, str] = field(default_factory=dict)
+    scan_topic: str | None = None
+    odom_topic: str | None = None
+    base_frame: str | None = None
+    odom_frame: str | None = None
+    map_frame: str | None = None
+    start_s: float | None = None
+    duration_s: float | None = None
+    seed: int = 0
+    jobs: int = 1
+    map_mode: Mode = "trinary"
+    truth: str | None = None
+    """True trajectory to score against: a file, or a topic of a recording."""
+    mends: Mends = field(default_factory=Mends)
+    command: str = ""
+    """The command line that asks for this, for ``run.json``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapOutcome:
+    """What came of it."""
+
+    output: Path
+    result: MappingResult
+    run: Mapping[str, Any]
+    """The ``run.json`` document."""
+
+
+def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
+    """Build a map and write it into a folder that appears whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the recording, a parameter or an option is wrong; nothing is written then.
+    """
+    began = time.perf_counter()
+    config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
+    output = request.output or default_output(request.inputs)
+    with ThreadPoolExecutor(1) as background:
+        digests = (
+            background.submit(describe_inputs, request.inputs) if all(p.exists() for p in request.inputs) else None
+        )
+        with open_recording(request.inputs, mends=request.mends, log=log) as recording:
+            feed = feed_planar(recording, _picks(request, config), log)
+            mapper = find_tier(request.algo).build(config.parameters, _setup(request, config, feed, log))
+            with log.stage("read"):
+                for measurement in feed.measurements():
+                    mapper.process(measurement)
+            duration_s = feed.length_s
+        result = mapper.finish()
+        inputs = digests.result() if digests is not None else []
+    score = _score(request, result.trajectory, log)
+    with atomic_directory(output) as folder:
+        with log.stage("write"):
+            if result.grid is not None:
+                write_map(folder / "map.yaml", result.grid, mode=request.map_mode)
+            write_tum(folder / "trajectory.tum", result.trajectory)
+            picture = _picture(request, result, score, log)
+            (folder / "map.png").write_bytes(picture)
+        outputs = sorted([*(path.name for path in folder.iterdir()), "report.html", "run.json"])
+        run = run_document(
+            command=request.command, algo=request.algo, parameters=as_dict(config.parameters), changed=_changed(config), seed=request.seed,
+            jobs=request.jobs, inputs=inputs, topics=feed.topics, frames=feed.frames, log=log, total_s=time.perf_counter() - began,
+            duration_s=duration_s, summary=_summary(result, score), outputs=outputs,
+        )  # fmt: skip
+        page = report(
+            run, map_image=picture, steps=result.steps, trajectory=result.trajectory, truth=None if score is None else score.reference,
+            errors=_errors(score), grid=result.grid, declared=declarations(type(config.parameters)),
+        )  # fmt: skip
+        (folder / "report.html").write_text(page, encoding="utf-8")
+        (folder / "run.json").write_text(to_json(run), encoding="utf-8")
+    return MapOutcome(output=output, result=result, run=run)
+
+
+def default_output(inputs: Sequence[Path]) -> Path:
+    """Return the folder beside the recording that bears its name and ``-maps``."""
+    first = inputs[0]
+    name = first.name
+    for suffix in (".gz", *first.suffixes[::-1]):
+        name = name.removesuffix(suffix)
+    return first.parent / f"{name}-maps"
+
+
+def _picks(request: MapRequest, config: NativeConfig) -> dict[str, Any]:
+    """Return topics and frames: flags before native files before what fits the recording."""
+    given = config.sources
+    parameters = as_dict(config.parameters)
+    return {
+        "scan_topic": request.scan_topic or config.scan_topic,
+        "odom_topic": request.odom_topic,
+        "base_frame": request.base_frame or (parameters["base_frame"] if "base_frame" in given else None),
+        "odom_frame": request.odom_frame or (parameters["odom_frame"] if "odom_frame" in given else None),
+        "start_s": request.start_s,
+        "duration_s": request.duration_s,
+    }
+
+
+def _setup(request: MapRequest, config: NativeConfig, feed: PlanarFeed, log: RunLog) -> Setup:
+    return Setup(
+        T_base_laser={feed.scan_topic: feed.T_base_laser},
+        map_frame=request.map_frame or as_dict(config.parameters)["map_frame"],
+        base_frame=feed.frames["base"],
+        seed=request.seed,
+        jobs=request.jobs,
+        no_return=request.mends.no_return,
+        log=log,
+    )
+
+
+def _score(request: MapRequest, trajectory: Trajectory, log: RunLog) -> TrajectoryScore | None:
+    if request.truth is None:
+        return None
+    return score_trajectory(trajectory, load_trajectory(request.truth, log=log), log=log)
+
+
+def _picture(request: MapRequest, result: MappingResult, score: TrajectoryScore | None, log: RunLog) -> bytes:
+    if result.grid is None:
+        raise UsageError(f"{request.algo} made no grid")
+    truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
+    return map_png(result.grid, trajectory=result.trajectory, truth=truth)
+
+
+def _changed(config: NativeConfig) -> dict[str, Any]:
+    defaults = {entry.name: entry.default for entry in declarations(type(config.parameters))}
+    return {name: value for name, value in as_dict(config.parameters).items() if value != defaults[name]}
+
+
+def _summary(result: MappingResult, score: TrajectoryScore | None) -> dict[str, Any]:
+    summary = dict(result.summary) | {"path_length_m": result.trajectory.length_m, "poses": len(result.trajectory)}
+    if result.grid is not None:
+        grid, area = result.grid, result.grid.resolution_m**2
+        summary |= {
+            "map_width_cells": grid.width,
+            "map_height_cells": grid.height,
+            "free_m2": float((grid.cells == grid.FREE).sum() * area),
+            "occupied_m2": float((grid.cells == grid.OCCUPIED).sum() * area),
+        }
+    return summary if score is None else summary | {"truth": score.figures()}
+
+
+def _errors(score: TrajectoryScore | None) -> dict[str, Any] | None:
+    if score is None or score.ape is None or score.ape_rot is None:
+        return None
+    return {
+        "stamp_ns": score.aligned.stamps_ns[score.ape.indices],
+        "translation_m": score.ape.errors,
+        "rotation_rad": score.ape_rot.errors * 3.141592653589793 / 180.0,
+    }

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: MIT
+"""``run.json``: what was run on what, what came of it, and how long it took."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from slamcli import __version__
+from slamcli.runtime import RunLog, peak_memory_bytes
+
+_BLOCK = 1 << 20
+_LIBRARIES = ("numpy", "numba", "scipy", "rosbags", "mcap")
+
+
+def describe_inputs(paths: Iterable[Path]) -> list[dict[str, Any]]:
+    """Return name, size and SHA-256 of each file; a folder counts as its files, in the order of their names."""
+    files = [
+        file
+        for path in paths
+        for file in (sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path])
+    ]
+    return [{"name": file.name, "size_bytes": file.stat().st_size, "sha256": _digest(file)} for file in files]
+
+
+def run_document(
+    *,
+    command: str,
+    algo: str,
+    parameters: Mapping[str, Any],
+    changed: Mapping[str, Any],
+    seed: int,
+    jobs: int,
+    inputs: Sequence[Mapping[str, Any]],
+    topics: Mapping[str, Any],
+    frames: Mapping[str, Any],
+    log: RunLog,
+    total_s: float,
+    duration_s: float,
+    summary: Mapping[str, Any],
+    outputs: Sequence[str],
+) -> dict[str, Any]:
+    """Return the document; everything under ``timing`` and ``peak_memory_bytes`` may differ from run to run, nothing else may."""
+    return {
+        "slamcli": __version__,
+        "command": command,
+        "algo": algo,
+        "seed": seed,
+        "inputs": list(inputs),
+        "topics": dict(topics),
+        "frames": dict(frames),
+        "parameters": dict(parameters),
+        "changed": dict(changed),
+        "summary": dict(summary),
+        "counts": dict(sorted(log.counts.items())),
+        "warnings": list(log.warnings),
+        "notes": list(log.notes),
+        "versions": {"python": platform.python_version()} | {name: metadata.version(name) for name in _LIBRARIES},
+        "outputs": sorted(outputs),
+        "timing": {
+            "stages_s": {name: round(seconds, 3) for name, seconds in log.seconds.items()},
+            "total_s": round(total_s, 3),
+            "recording_s": round(duration_s, 3),
+            "realtime_factor": round(duration_s / total_s, 2) if total_s > 0 else None,
+            "jobs": jobs,
+        },
+        "peak_memory_bytes": peak_memory_bytes(),
+    }
+
+
+def to_json(document: Mapping[str, Any]) -> str:
+    """Return the document as JSON text; arrays become lists, what has no JSON form its text."""
+    return (
+        json.dumps(document, indent=2, default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value))
+        + "\n"
+    )
+
+
+def _digest(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()

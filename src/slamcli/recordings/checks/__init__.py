@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: MIT
+"""What can be wrong with a recording: one small function for each fault, and one line for each in `CHECKS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from slamcli.recordings.checks import cameras, container, inertial, scanner, stamps, transforms
+from slamcli.recordings.checks.evidence import Evidence
+from slamcli.recordings.checks.finding import SEVERITIES, Finding
+
+Check = Callable[[Evidence], Iterator[Finding]]
+
+# Name (as users see it) -> check.
+CHECKS: dict[str, Check] = {
+    "damage": container.damage,
+    "empty-topic": container.empty_topics,
+    "undecodable": container.undecodable,
+    "stamp-unset": stamps.unset,
+    "stamp-unit": stamps.unit,
+    "stamp-backward": stamps.backward,
+    "stamp-duplicate": stamps.duplicate,
+    "stamp-gap": stamps.gaps,
+    "stamp-delay": stamps.delay,
+    "stamp-clocks": stamps.clocks,
+    "tf-problems": transforms.contradictions,
+    "tf-missing": transforms.missing,
+    "tf-late": transforms.late,
+    "tf-map-parent": transforms.map_parent,
+    "frame-shared": transforms.shared_frames,
+    "odometry": transforms.odometry,
+    "scan-beams": scanner.beam_count,
+    "scan-angle-max": scanner.angle_max,
+    "scan-limits": scanner.limits,
+    "scan-returns": scanner.returns,
+    "scan-direction": scanner.direction,
+    "scan-mirrored": scanner.mirrored,
+    "imu-gravity": inertial.gravity,
+    "imu-rotation": inertial.rotation,
+    "camera-info": cameras.calibration,
+    "camera-size": cameras.size,
+    "depth-scale": cameras.depth_scale,
+    "camera-sync": cameras.synchronisation,
+}
+
+__all__ = ["CHECKS", "SEVERITIES", "Check", "Evidence", "Finding"]

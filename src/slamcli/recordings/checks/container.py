@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: MIT
+"""Checks of the container and of what its messages decode to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from slamcli.recordings.checks.evidence import Evidence
+from slamcli.recordings.checks.finding import Finding
+
+
+def damage(evidence: Evidence) -> Iterator[Finding]:
+    """Say what of the container could not be read."""
+    for what in evidence.contents.damage:
+        yield Finding(severity="error", message=what, mend="slamcli convert writes what can be read to a sound file")
+
+
+def empty_topics(evidence: Evidence) -> Iterator[Finding]:
+    """Name topics without messages."""
+    for name, found in evidence.surveys.items():
+        if found.num == 0:
+            yield Finding(severity="note", topic=name, message="the topic holds no messages")
+
+
+def undecodable(evidence: Evidence) -> Iterator[Finding]:
+    """Name topics whose messages are not what their type says."""
+    for name, found in evidence.surveys.items():
+        if found.num_garbage:
+            yield Finding(
+                severity="error",
+                topic=name,
+                message=f"messages cannot be decoded: {found.garbage}",
+                count=found.num_garbage,
+            )

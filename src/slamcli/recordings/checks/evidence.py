@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: MIT
+"""What the checks judge: one pass over a recording, with what its sensors showed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from slamcli.geometry.frame_tree import FrameTree
+from slamcli.measurements import CameraModel, Image, ImuSample, LaserScan, Odometry
+from slamcli.recordings.raw import Contents, Topic
+from slamcli.recordings.recording import Recording
+from slamcli.recordings.survey import Listener, TopicSurvey, survey
+
+_PROFILES_PER_S = 2.0
+_MAX_IMAGES = 25
+
+
+@dataclass(slots=True)
+class ScanEvidence:
+    """What the scans of a topic showed."""
+
+    beam_counts: Counter[int] = field(default_factory=Counter)
+    first_change_ns: int | None = None
+    """Stamp of the first scan with another number of beams than the first."""
+    num_misfit: int = 0
+    """Scans whose angle_max is off by more than one and a half beams."""
+    first_misfit_ns: int | None = None
+    misfit_beams: float = 0.0
+    num_readings: int = 0
+    num_infinite: int = 0
+    num_nan: int = 0
+    num_zero: int = 0
+    num_below: int = 0
+    num_at_max: int = 0
+    num_beyond: int = 0
+    largest_m: float = 0.0
+    profiles: list[tuple[int, LaserScan]] = field(default_factory=list)
+    """About two scans a second, for comparing their rotation with the odometry's."""
+
+    def see(self, message: Any, scan: LaserScan) -> None:
+        """Take a scan in."""
+        if self.beam_counts and scan.num_beams not in self.beam_counts and self.first_change_ns is None:
+            self.first_change_ns = scan.stamp_ns
+        self.beam_counts[scan.num_beams] += 1
+        off = _misfit_beams(message, scan.num_beams)
+        if off > 1.5:
+            self.num_misfit += 1
+            if self.first_misfit_ns is None:
+                self.first_misfit_ns, self.misfit_beams = scan.stamp_ns, off
+        ranges = scan.ranges_m
+        finite = ranges[np.isfinite(ranges)]
+        self.num_readings += len(ranges)
+        self.num_infinite += int(np.count_nonzero(np.isinf(ranges)))
+        self.num_nan += int(np.count_nonzero(np.isnan(ranges)))
+        self.num_zero += int(np.count_nonzero(finite <= 0))
+        self.num_below += int(np.count_nonzero((finite > 0) & (finite < np.float32(scan.range_min_m))))
+        self.num_at_max += int(np.count_nonzero(finite == np.float32(scan.range_max_m)))
+        self.num_beyond += int(np.count_nonzero(finite > np.float32(scan.range_max_m)))
+        self.largest_m = max(self.largest_m, float(finite.max(initial=0.0)))
+        if not self.profiles or scan.stamp_ns - self.profiles[-1][0] >= 1e9 / _PROFILES_PER_S:
+            self.profiles.append((scan.stamp_ns, scan))
+            if len(self.profiles) > 4000:
+                del self.profiles[1::2]
+
+
+def _misfit_beams(message: Any, num_beams: int) -> float:
+    """Return by how many beams angle_max is off."""
+    increment = float(message.angle_increment)
+    if increment == 0.0 or num_beams < 2:
+        return 0.0
+    return abs((float(message.angle_max) - float(message.angle_min)) / increment - (num_beams - 1))
+
+
+@dataclass(slots=True)
+class ImuEvidence:
+    """What an IMU measured."""
+
+    acceleration: list[float] = field(default_factory=list)
+    """Magnitude of each specific force."""
+    rotation: list[float] = field(default_factory=list)
+    """Magnitude of each angular velocity."""
+    stamps: list[int] = field(default_factory=list)
+
+    def see(self, _message: Any, sample: ImuSample) -> None:
+        """Take a sample in."""
+        self.acceleration.append(float(np.linalg.norm(sample.acceleration_m_s2)))
+        self.rotation.append(float(np.linalg.norm(sample.angular_rad_s)))
+        self.stamps.append(sample.stamp_ns)
+
+
+@dataclass(slots=True)
+class OdometryEvidence:
+    """Where the odometry was."""
+
+    stamps: list[int] = field(default_factory=list)
+    poses: list[tuple[float, float, float]] = field(default_factory=list)
+
+    def see(self, _message: Any, odometry: Odometry) -> None:
+        """Take a pose in."""
+        self.stamps.append(odometry.stamp_ns)
+        x, y, yaw = odometry.pose_se2.tolist()
+        self.poses.append((x, y, yaw))
+
+
+@dataclass(slots=True)
+class CameraEvidence:
+    """What the CameraInfo of a topic said."""
+
+    first: CameraModel | None = None
+    num_changes: int = 0
+    first_change_ns: int | None = None
+
+    def see(self, _message: Any, model: CameraModel) -> None:
+        """Take a calibration in."""
+        first = self.first = self.first or model
+        same = (model.width, model.height) == (first.width, first.height) and np.array_equal(
+            model.intrinsics, first.intrinsics
+        )
+        if not same:
+            self.num_changes += 1
+            self.first_change_ns = self.first_change_ns or model.stamp_ns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Everything that the checks judge."""
+
+    contents: Contents
+    surveys: dict[str, TopicSurvey]
+    frames: FrameTree
+    scans: dict[str, ScanEvidence]
+    imus: dict[str, ImuEvidence]
+    odometry: dict[str, OdometryEvidence]
+    cameras: dict[str, CameraEvidence]
+    images: dict[str, list[Image]]
+    """A few images of each topic, spread over its beginning."""
+    time_offsets_ns: Mapping[str, int] = field(default_factory=dict)
+    """Offsets that are applied already."""
+
+    def of(self, kind: type) -> dict[str, TopicSurvey]:
+        """Return the surveys of topics that decode to a measurement type and hold messages."""
+        return {
+            name: found
+            for name, found in self.surveys.items()
+            if found.adapter is not None and found.adapter.produces is kind and found.num > 0
+        }
+
+
+def gather(recording: Recording) -> Evidence:
+    """Read a recording to its end and return the evidence."""
+    scans: dict[str, ScanEvidence] = {}
+    imus: dict[str, ImuEvidence] = {}
+    odometry: dict[str, OdometryEvidence] = {}
+    cameras: dict[str, CameraEvidence] = {}
+
+    def keep(store: dict[str, Any], kind: type) -> Any:
+        def listen(topic: Topic) -> Listener:
+            store[topic.name] = kind()
+            return store[topic.name].see
+
+        return listen
+
+    surveys = survey(
+        recording,
+        listeners={
+            LaserScan: keep(scans, ScanEvidence),
+            ImuSample: keep(imus, ImuEvidence),
+            Odometry: keep(odometry, OdometryEvidence),
+            CameraModel: keep(cameras, CameraEvidence),
+        },
+    )
+    return Evidence(
+        frames=recording.frames(),
+        contents=recording.contents,
+        surveys=surveys,
+        scans=scans,
+        imus=imus,
+        odometry=odometry,
+        cameras=cameras,
+        images=_some_images(recording, surveys),
+        time_offsets_ns=recording.mends.time_offsets_ns,
+    )
+
+
+def _some_images(recording: Recording, surveys: dict[str, TopicSurvey]) -> dict[str, list[Image]]:
+    """Return the first image of each topic, and a few more of depth topics."""
+    images: dict[str, list[Image]] = {}
+    for name, found in surveys.items():
+        if not isinstance(found.first, Image):
+            continue
+        images[name] = [found.first]
+        if found.first.encoding == "depth":
+            for number, image in enumerate(recording.measurements([name])):
+                if number % 10 == 9:
+                    images[name].append(image)
+                if len(images[name]) >= _MAX_IMAGES:
+                    break
+    return images

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: MIT
+"""Checks of header stamps: against each other, against the log time, and between sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.measurements import Image, ImuSample, LaserScan, Odometry, PointCloud
+from slamcli.recordings.checks.evidence import Evidence
+from slamcli.recordings.checks.finding import Finding
+from slamcli.recordings.survey import TopicSurvey
+
+_SENSORS = (LaserScan, PointCloud, ImuSample, Odometry, Image)
+# cartographer_rosbag_validate: gaps in range data and in IMU data, and delay between stamp and log time.
+_POINTS_GAP_S = 0.1
+_IMU_GAP_S = 0.05
+_DELAY_WARNING_S = 0.1
+_DELAY_ERROR_S = 0.5
+_CLOCK_OFFSET_S = 0.1
+_ABSURD_NS = 10**9 * 86400 * 30
+
+
+def _stamped(evidence: Evidence) -> Iterator[tuple[str, TopicSurvey]]:
+    for name, found in evidence.surveys.items():
+        if found.has_header and found.num > 0:
+            yield name, found
+
+
+def unset(evidence: Evidence) -> Iterator[Finding]:
+    """Find header stamps of 0."""
+    for name, found in _stamped(evidence):
+        if found.num_unset:
+            yield Finding(
+                severity="warning",
+                topic=name,
+                message=f"{found.num_unset} of {found.num} header stamps are unset (0); the log time is used instead",
+                count=found.num_unset,
+            )
+
+
+def unit(evidence: Evidence) -> Iterator[Finding]:
+    """Find stamps that are micro- or milliseconds in place of nanoseconds, or of another clock altogether."""
+    for name, found in _stamped(evidence):
+        stamp, logged = int(np.median(found.stamps_ns)), int(np.median(found.log_times_ns))
+        if stamp <= 0 or logged <= 0 or abs(stamp - logged) < _ABSURD_NS:
+            continue
+        ratio = logged / stamp
+        for factor, what in ((1e3, "microseconds"), (1e6, "milliseconds"), (1e9, "seconds")):
+            if 0.9 < ratio / factor < 1.1 or 0.9 < ratio * factor < 1.1:
+                yield Finding(
+                    severity="error",
+                    topic=name,
+                    message=f"stamps look like {what} written as nanoseconds (or the other way round): they say "
+                    f"{stamp / 1e9:.3f} s where the log says {logged / 1e9:.3f} s",
+                    stamp_ns=int(found.stamps_ns[0]),
+                    mend="correct the driver's unit; results have the stamps as they are",
+                )
+                break
+        else:
+            yield Finding(
+                severity="note",
+                topic=name,
+                message=f"stamps count from another zero than the log (simulation, or a replay): they say "
+                f"{stamp / 1e9:.3f} s where the log says {logged / 1e9:.3f} s",
+                stamp_ns=int(found.stamps_ns[0]),
+            )
+
+
+def backward(evidence: Evidence) -> Iterator[Finding]:
+    """Find stamps that run backwards within a topic."""
+    for name, found in _stamped(evidence):
+        steps = np.diff(found.stamps_ns)
+        bad = np.flatnonzero(steps < 0)
+        if len(bad):
+            yield Finding(
+                severity="warning",
+                topic=name,
+                message=f"{len(bad)} of {found.num} stamps run backwards, by up to {-steps.min() / 1e9:.3f} s; "
+                "the recorded order is kept, and time differences are smoothed",
+                stamp_ns=int(found.stamps_ns[bad[0] + 1]),
+                count=len(bad),
+            )
+
+
+def duplicate(evidence: Evidence) -> Iterator[Finding]:
+    """Find stamps that repeat within a topic."""
+    for name, found in _stamped(evidence):
+        bad = np.flatnonzero(np.diff(found.stamps_ns) == 0)
+        if len(bad):
+            yield Finding(
+                severity="warning",
+                topic=name,
+                message=f"{len(bad)} of {found.num} stamps repeat the one before",
+                stamp_ns=int(found.stamps_ns[bad[0] + 1]),
+                count=len(bad),
+            )
+
+
+def gaps(evidence: Evidence) -> Iterator[Finding]:
+    """Find times without data: over 0.1 s (IMU 0.05 s), and over three periods of the sensor."""
+    for name, found in _stamped(evidence):
+        kind = found.adapter.produces if found.adapter is not None else None
+        if kind not in _SENSORS or found.num < 10:
+            continue
+        steps = np.diff(found.stamps_ns) / 1e9
+        typical = max(float(np.median(np.abs(steps))), float(np.mean(np.abs(steps))))
+        limit = max(_IMU_GAP_S if kind is ImuSample else _POINTS_GAP_S, 3 * typical)
+        bad = np.flatnonzero(steps > limit)
+        if len(bad):
+            worst = int(np.argmax(steps))
+            yield Finding(
+                severity="warning",
+                topic=name,
+                message=f"{len(bad)} gap{'s' * (len(bad) != 1)} of more than {limit:.2g} s, the longest of {steps[worst]:.3g} s "
+                f"at {found.stamps_ns[worst] / 1e9:.3f} s",
+                stamp_ns=int(found.stamps_ns[bad[0]]),
+                count=len(bad),
+            )
+
+
+def _delays(found: TopicSurvey) -> NDArray[np.float64]:
+    """Return log time minus stamp, seconds (N,)."""
+    return (found.log_times_ns - found.stamps_ns) / 1e9
+
+
+def delay(evidence: Evidence) -> Iterator[Finding]:
+    """Compare header stamps with log times: 0.1 s in more than 1 % of the messages warns, 0.5 s typically is an error."""
+    for name, found in _stamped(evidence):
+        kind = found.adapter.produces if found.adapter is not None else None
+        delays = _delays(found)
+        typical = float(np.median(delays))
+        # An unsynchronised clock altogether (other epoch) concerns `stamp-unit` and `stamp-clocks`.
+        if kind not in _SENSORS or abs(typical) > 1e6:
+            continue
+        bad = np.flatnonzero(np.abs(delays) > _DELAY_WARNING_S)
+        if not len(bad):
+            continue
+        worst = float(delays[np.argmax(np.abs(delays))])
+        how = "before" if worst > 0 else "after"
+        often = len(bad) > 0.01 * found.num
+        yield Finding(
+            severity="error" if abs(typical) > _DELAY_ERROR_S else "warning" if often else "note",
+            topic=name,
+            message=f"{len(bad)} of {found.num} messages are stamped more than {_DELAY_WARNING_S} s from their log time "
+            f"(typically {typical:.3f} s before it, at worst {abs(worst):.3f} s {how} it)",
+            stamp_ns=int(found.stamps_ns[bad[0]]),
+            count=len(bad),
+        )
+
+
+def clocks(evidence: Evidence) -> Iterator[Finding]:
+    """Find sensors whose clocks differ: their stamps lie otherwise against the log time than the others'."""
+    typical = {
+        name: float(np.median(_delays(found)))
+        for name, found in _stamped(evidence)
+        if found.adapter is not None and found.adapter.produces in _SENSORS and found.num_unset < found.num
+    }
+    if len(typical) < 2:
+        return
+    reference = float(np.median(list(typical.values())))
+    # With two topics the median says nothing of which is right: the one nearer to the log time is.
+    if len(typical) == 2:
+        reference = min(typical.values(), key=abs)
+    for name, late in typical.items():
+        offset = late - reference
+        if abs(offset) > _CLOCK_OFFSET_S:
+            yield Finding(
+                severity="error" if abs(offset) > _DELAY_ERROR_S else "warning",
+                topic=name,
+                message=f"its clock is {abs(offset):.3f} s {'behind' if offset > 0 else 'ahead of'} the other sensors' "
+                "(or its messages were logged late)",
+                stamp_ns=int(evidence.surveys[name].stamps_ns[0]),
+                mend=f"--time-offset {name}={offset + evidence.time_offsets_ns.get(name, 0) / 1e9:.3f}",
+            )

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: MIT
+"""Which SLAM systems can run on a recording, and with which topics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from slamcli.geometry.frame_tree import FrameTree
+from slamcli.measurements import CameraModel, Image, ImuSample, LaserScan, Odometry, PointCloud
+from slamcli.recordings.survey import TopicSurvey
+
+_TRUTH = ("truth", "mocap", "vicon")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TierFit:
+    """Whether one system can run, and how."""
+
+    tier: str
+    runs: bool
+    mode: str
+    """What it would run as, or why it cannot."""
+    topics: Mapping[str, str]
+    """Topic by role."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorTopics:
+    """Topics of a recording by what they measure, the busiest first."""
+
+    scans: tuple[str, ...]
+    clouds: tuple[str, ...]
+    imus: tuple[str, ...]
+    odometry: str | None
+    """An Odometry topic, ``tf``, or None."""
+    colour: tuple[str, ...]
+    depth: tuple[str, ...]
+    stereo: tuple[str, str] | None
+    calibrated: Mapping[str, str]
+    """CameraInfo topic by image topic."""
+
+
+def sensor_topics(surveys: Mapping[str, TopicSurvey], frames: FrameTree) -> SensorTopics:
+    """Return the topics by what they measure."""
+
+    def of(kind: type) -> list[str]:
+        found = [s for s in surveys.values() if s.adapter is not None and s.adapter.produces is kind and _has_any(s)]
+        return [s.topic.name for s in sorted(found, key=lambda s: -(s.topic.count or s.num))]
+
+    images = of(Image)
+    depth = [name for name in images if is_depth(surveys[name])]
+    colour = [name for name in images if name not in depth]
+    infos = of(CameraModel)
+    odometry = [name for name in of(Odometry) if not any(word in name.lower() for word in _TRUTH)]
+    moving = any(not edge.static and "odom" in edge.parent for edge in frames.edges)
+    return SensorTopics(
+        scans=tuple(of(LaserScan)),
+        clouds=tuple(of(PointCloud)),
+        imus=tuple(of(ImuSample)),
+        odometry=odometry[0] if odometry else "tf" if moving else None,
+        colour=tuple(colour),
+        depth=tuple(depth),
+        stereo=_stereo_pair(colour),
+        calibrated={image: info for image in images if (info := camera_info_of(image, infos)) is not None},
+    )
+
+
+def is_depth(found: TopicSurvey) -> bool:
+    """Return whether an image topic holds depth: by its first image, else by its name."""
+    if isinstance(found.first, Image):
+        return found.first.encoding == "depth"
+    return "depth" in found.topic.name.lower()
+
+
+def camera_info_of(image_topic: str, info_topics: list[str]) -> str | None:
+    """Return the CameraInfo topic of an image topic: the one that shares the longest name space with it."""
+    best, longest = None, 0
+    parts = image_topic.strip("/").split("/")
+    for info in info_topics:
+        space = info.strip("/").split("/")[:-1]
+        shared = 0
+        while shared < min(len(space), len(parts)) and space[shared] == parts[shared]:
+            shared += 1
+        # All of the info's own name space must be shared: /left/camera_info is not /right/image_raw's.
+        if shared == len(space) and shared + 1 > longest:
+            best, longest = info, shared + 1
+    return best
+
+
+def _has_any(found: TopicSurvey) -> bool:
+    return (found.topic.count or found.num) > 0
+
+
+def _stereo_pair(images: list[str]) -> tuple[str, str] | None:
+    for left in images:
+        for a, b in (("left", "right"), ("cam0", "cam1"), ("infra1", "infra2")):
+            right = left.replace(a, b)
+            if right != left and right in images:
+                return left, right
+    return None
+
+
+def fit_tiers(surveys: Mapping[str, TopicSurvey], frames: FrameTree) -> tuple[TierFit, ...]:
+    """Return for each of the four systems whether it can run on these topics."""
+    sensors = sensor_topics(surveys, frames)
+    return tuple(fit(sensors) for fit in _FITS)
+
+
+def _gmapping(sensors: SensorTopics) -> TierFit:
+    if not sensors.scans:
+        return _cannot("gmapping", "needs sensor_msgs/LaserScan")
+    topics = {"scan": sensors.scans[0]}
+    if sensors.odometry is None:
+        return TierFit(tier="gmapping", runs=True, mode="scans alone (no odometry: expect less)", topics=topics)
+    return TierFit(tier="gmapping", runs=True, mode="scans and odometry", topics={**topics, "odom": sensors.odometry})
+
+
+def _cartographer(sensors: SensorTopics) -> TierFit:
+    if sensors.clouds and sensors.imus and not sensors.scans:
+        topics = {"points": sensors.clouds[0], "imu": sensors.imus[0]}
+        return TierFit(tier="cartographer", runs=True, mode="3D", topics=_with_odometry(topics, sensors))
+    if not sensors.scans and not sensors.clouds:
+        return _cannot("cartographer", "needs sensor_msgs/LaserScan or PointCloud2")
+    topics = {"scan": sensors.scans[0]} if sensors.scans else {"points": sensors.clouds[0]}
+    if sensors.imus:
+        topics["imu"] = sensors.imus[0]
+    return TierFit(tier="cartographer", runs=True, mode="2D", topics=_with_odometry(topics, sensors))
+
+
+def _rtabmap(sensors: SensorTopics) -> TierFit:
+    if sensors.colour and sensors.depth:
+        topics = {"rgb": sensors.colour[0], "depth": sensors.depth[0]}
+        mode = "RGB-D"
+    elif sensors.stereo is not None:
+        topics = {"left": sensors.stereo[0], "right": sensors.stereo[1]}
+        mode = "stereo"
+    else:
+        return _cannot("rtabmap", "needs colour and depth images, or a stereo pair")
+    return _calibrated("rtabmap", mode, topics, sensors)
+
+
+def _orbslam3(sensors: SensorTopics) -> TierFit:
+    if sensors.stereo is not None:
+        topics, mode = {"left": sensors.stereo[0], "right": sensors.stereo[1]}, "stereo"
+    elif sensors.colour and sensors.depth:
+        topics, mode = {"rgb": sensors.colour[0], "depth": sensors.depth[0]}, "RGB-D"
+    elif sensors.colour:
+        topics, mode = {"rgb": sensors.colour[0]}, "monocular"
+    else:
+        return _cannot("orbslam3", "needs camera images")
+    if sensors.imus:
+        topics["imu"] = sensors.imus[0]
+        mode += " with IMU"
+    return _calibrated("orbslam3", mode, topics, sensors)
+
+
+_FITS: tuple[Callable[[SensorTopics], TierFit], ...] = (_gmapping, _cartographer, _rtabmap, _orbslam3)
+
+
+def _cannot(tier: str, why: str) -> TierFit:
+    return TierFit(tier=tier, runs=False, mode=why, topics={})
+
+
+def _with_odometry(topics: dict[str, str], sensors: SensorTopics) -> dict[str, str]:
+    return topics if sensors.odometry is None else {**topics, "odom": sensors.odometry}
+
+
+def _calibrated(tier: str, mode: str, topics: dict[str, str], sensors: SensorTopics) -> TierFit:
+    """Return the fit with the CameraInfo topic, or with the option that stands in for it."""
+    first = next(iter(topics.values()))
+    info = sensors.calibrated.get(first)
+    if info is None:
+        return TierFit(tier=tier, runs=True, mode=f"{mode}, calibration to be given with --camera-info", topics=topics)
+    return TierFit(tier=tier, runs=True, mode=mode, topics={**topics, "camera_info": info})

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: MIT
+"""Pages say what the code does."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def test_the_parameter_tables_are_current():
+    path = ROOT / ".ci" / "parameter_tables.py"
+    spec = importlib.util.spec_from_file_location("parameter_tables", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    page = (ROOT / "docs" / "configuration.md").read_text()
+    assert "| `minimumScore` | 0 | beams | ≥ 0 |" in page
+    assert module.render(page) == page, "run: python .ci/parameter_tables.py"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_links_lead_somewhere(page):
+    links = re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text())
+    assert [link for link in links if "://" not in link and not (page.parent / link).exists()] == []
+
+
+def test_every_page_is_in_the_index():
+    index = (ROOT / "docs" / "index.md").read_text()
+    assert [page.name for page in PAGES[2:] if page.name != "index.md" and page.name not in index] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_options_in_examples_exist(page):
+    from slamcli.cli.main import COMMANDS
+
+    wrong = []
+    for name, rest in re.findall(r"^(?:    |\$ )slamcli ([a-z-]+)((?:[^\n]|\\\n)*)", page.read_text(), re.MULTILINE):
+        if name not in COMMANDS:
+            wrong.append(f"slamcli {name}")
+            continue
+        command = importlib.import_module(f"slamcli.cli.{COMMANDS[name][0]}").command
+        words = rest.split("#")[0].split()
+        if hasattr(command, "commands"):
+            command = command.commands.get(words[0] if words else "", command)
+        known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+        known |= {"--help", "-h"}
+        wrong += [
+            f"slamcli {name} {word}"
+            for word in words
+            if re.match(r"--?[a-z]", word) and word.partition("=")[0] not in known
+        ]
+    assert wrong == []
