@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -138,6 +139,8 @@ class Evidence:
     cameras: dict[str, CameraEvidence]
     images: dict[str, list[Image]]
     """A few images of each topic, spread over its beginning."""
+    time_offsets_ns: Mapping[str, int] = field(default_factory=dict)
+    """Offsets that are applied already."""
 
     def of(self, kind: type) -> dict[str, TopicSurvey]:
         """Return the surveys of topics that decode to a measurement type and hold messages."""
@@ -180,6 +183,7 @@ def gather(recording: Recording) -> Evidence:
         odometry=odometry,
         cameras=cameras,
         images=_some_images(recording, surveys),
+        time_offsets_ns=recording.mends.time_offsets_ns,
     )
 
 

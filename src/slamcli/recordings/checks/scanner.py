@@ -113,7 +113,7 @@ def returns(evidence: Evidence) -> Iterator[Finding]:
             )
             if number
         ]
-        if parts:
+        if without + unusable > 0.01 * seen.num_readings:
             yield Finding(
                 severity="warning" if share < _FEW_RETURNS else "note",
                 topic=name,
