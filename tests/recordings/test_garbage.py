@@ -44,7 +44,7 @@ def _read_everything(container: MemoryContainer) -> None:
         diagnose(recording)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_mutated_messages(data: Any) -> None:
     encoding, msgtype, sound = data.draw(st.sampled_from(SAMPLES))
