@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
@@ -163,10 +164,8 @@ def test_pictures_that_claim_an_absurd_size_are_not_decoded(tmp_path: Path, suff
     data = image.read_bytes()
     for cut in range(len(data)):
         image.write_bytes(data[:cut] + b"\xff\xff\xff\xff" + data[cut + 4 :])
-        try:
-            read_image(image)
-        except FormatError as error:
-            assert "\n" not in str(error)
+        with contextlib.suppress(FormatError):
+            assert read_image(image).channel_sum.size < 10_000
 
 
 @pytest.mark.parametrize("cut", [0.2, 0.5, 0.9, 0.99])
