@@ -23,7 +23,7 @@ _MAX_FILE_BYTES = 2**30
 _MAX_PNM_HEADER_BYTES = 1 << 16
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*(?:\n|$))*([^\s#]+)")
 _NAMES = {".png": "PNG", ".bmp": "BMP", ".tif": "TIFF", ".tiff": "TIFF", ".webp": "WEBP"}
-_OPTIONS = {".webp": {"lossless": True, "exact": True}, ".png": {"compress_level": 2}}
+_OPTIONS: dict[str, dict[str, Any]] = {".webp": {"lossless": True, "exact": True}, ".png": {"compress_level": 2}}
 _SUFFIXES = (".pgm", *_NAMES)
 _PILLOW_FORMATS = ("PNG", "BMP", "TIFF", "WEBP", "JPEG", "GIF", "PPM")
 
@@ -207,7 +207,7 @@ def _encode_with_pillow(suffix: str, grey: NDArray[np.uint8], alpha: NDArray[np.
 
     pixels = grey if alpha is None else np.dstack([grey, grey, grey, alpha])
     stream = io.BytesIO()
-    options: dict[str, Any] = dict(_OPTIONS.get(suffix, {}))
+    options = _OPTIONS.get(suffix, {})
     try:
         Image.fromarray(pixels).save(stream, _NAMES[suffix], **options)
     except (OSError, ValueError) as error:
