@@ -137,6 +137,19 @@ def _normalise(token: str) -> str:
     help="Relations: largest distance in time to the nearest pose, seconds.",
 )
 @click.option(
+    "--map-align",
+    type=click.Choice(["search", "refine", "none"]),
+    default="search",
+    show_default=True,
+    help="Maps: search all poses, refine from where they are, or leave them there.",
+)
+@click.option(
+    "--tolerance",
+    type=float,
+    metavar="M",
+    help="Maps: distance up to which walls are the same; default: 0.1 m, or two cells if that is more.",
+)
+@click.option(
     "--max",
     "upper",
     multiple=True,

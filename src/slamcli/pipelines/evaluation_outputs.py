@@ -20,6 +20,7 @@ from slamcli.errors import UsageError
 from slamcli.formats.trajectories import write_tum
 from slamcli.outputs import atomic_directory, atomic_file
 from slamcli.pipelines.evaluate import RelationsScore, TrajectoryScore
+from slamcli.pipelines.evaluate_map import MapScore
 from slamcli.pipelines.evaluation_request import Request, Score
 from slamcli.pipelines.trajectories import parse_source
 from slamcli.runtime import RunLog, peak_memory_bytes
@@ -52,7 +53,7 @@ def write_outputs(
 
 def draw(score: Score) -> bytes:
     """Return a PNG of what was compared and of its errors."""
-    from slamcli.reports.evaluation_plot import Series, relations_plot, trajectory_plot
+    from slamcli.reports.evaluation_plot import Series, map_plot, relations_plot, trajectory_plot
 
     if isinstance(score, RelationsScore):
         result, trajectory = score.result, score.trajectory
@@ -62,6 +63,9 @@ def draw(score: Score) -> bytes:
             Series("rotation in deg", at, np.degrees(result.rot_rad)),
         ]
         return relations_plot(trajectory, rows)
+    if isinstance(score, MapScore):
+        errors = score.errors
+        return map_plot(score.walls_m, errors.to_reference_m, score.reference.walls_m, errors.to_map_m)
     if not isinstance(score, TrajectoryScore):
         raise UsageError("there is no plot of this kind of score")
     reference = score.reference

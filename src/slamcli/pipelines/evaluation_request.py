@@ -13,6 +13,7 @@ from slamcli.errors import FormatError, UsageError
 from slamcli.evaluation import AlignMode, DeltaUnit, PoseRelation
 from slamcli.formats.relations import looks_like_relations
 from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_relations, evaluate_trajectory
+from slamcli.pipelines.evaluate_map import evaluate_map
 from slamcli.pipelines.trajectories import is_recording, parse_source
 from slamcli.runtime import RunLog
 
@@ -59,6 +60,14 @@ def run_request(request: Request, log: RunLog) -> Score:
             max_gap_s=_positive(options["max_gap"], "--max-gap"),
             estimate_times=options["times"],
             time_unit=options["time_unit"],
+            log=log,
+        )
+    if kind == "map":
+        return evaluate_map(
+            request.estimate,
+            request.reference,
+            registration=options["map_align"],
+            tolerance_m=options["tolerance"],
             log=log,
         )
     is_kitti = _is_untimed(request.estimate), _is_untimed(request.reference)
