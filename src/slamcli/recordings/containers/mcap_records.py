@@ -132,7 +132,9 @@ class Catalogue:
         number = fields.number(2)
         if op == SCHEMA:
             name, encoding = fields.text(), fields.text()
-            definition = fields.take(fields.number(4)).decode("utf-8", errors="replace")
+            data = fields.take(fields.number(4))
+            # Others than ROS's (protobuf, json) may be binary; they pass through conversions as they are.
+            definition = data.decode("utf-8", errors="replace") if encoding in _ENCODINGS else data.decode("latin-1")
             self.schemas.setdefault(number, Schema(name, encoding, definition))
         elif op == CHANNEL:
             schema = fields.number(2)
@@ -142,13 +144,13 @@ class Catalogue:
         """Return a channel as a topic."""
         channel = self.channels[number]
         schema = self.schemas.get(channel.schema, Schema("", "", ""))
-        language, encoding = _ENCODINGS.get(schema.encoding, ("msg", channel.encoding))
+        language, encoding = _ENCODINGS.get(schema.encoding, (schema.encoding, channel.encoding))
         qos = channel.metadata.get("offered_qos_profiles", "")
         return Topic(
             name=channel.topic,
             msgtype=ros2_type_name(schema.name),
             count=count,
-            definition=schema.definition if schema.encoding in _ENCODINGS else "",
+            definition=schema.definition,
             encoding=channel.encoding or encoding,
             latched=channel.metadata.get("latching", "") in ("1", "true") or is_latched(qos),
             qos=qos,
