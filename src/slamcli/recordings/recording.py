@@ -113,7 +113,9 @@ class Recording:
         RecordingError
             If there is no such topic, it is empty, or its type does not fit; the message names the topics that would.
         """
-        known = {topic.name: topic for topic in self.contents.topics}
+        # Two types under one name: the one that fits, else the first.
+        listed = sorted(self.contents.topics, key=lambda topic: kind is None or topic.msgtype in msgtypes_of(kind))
+        known = {topic.name: topic for topic in listed}
         topic = known.get(name) or known.get(f"/{name}") or known.get(name.lstrip("/"))
         if topic is None:
             raise RecordingError(f"{self.name}: no topic {name!r}; {self._would_fit(name, kind)}")
@@ -203,7 +205,8 @@ class Recording:
     def _stream(
         self, decoders: dict[str, _TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool
     ) -> Iterator[Any]:
-        stamped = ((decoders[m.topic].stamp_ns(m), m) for m in self.raw.messages(tuple(decoders), start_ns, stop_ns))
+        raw = self.raw.messages(tuple(decoders), start_ns, stop_ns)
+        stamped = ((decoders[m.topic].stamp_ns(m), m) for m in raw if decoders[m.topic].accepts(m))
         ordered = stamped if log_order or len(decoders) == 1 else merge_by_stamp(stamped)
         try:
             for stamp_ns, message in ordered:
@@ -255,10 +258,19 @@ class _TopicDecoder:
         self._check = StampCheck()
         self._topic = topic
         self._log = recording.log
+        self._channels = channels_of(topic, recording.contents)
+        self._num_other = 0
         self._num_garbage = 0
         self._first_garbage = ""
         # Several nodes write to /tf, each in its own order: stamps that interleave there are no fault.
         self._checked = adapter.produces is not FrameTransform
+
+    def accepts(self, message: RawMessage) -> bool:
+        """Return whether a message is of the topic's type: two publishers may have used one name for two types."""
+        if message.channel in self._channels:
+            return True
+        self._num_other += 1
+        return False
 
     def stamp_ns(self, message: RawMessage) -> int:
         """Return the header stamp with the topic's offset, or the log time where it is unset."""
@@ -292,6 +304,9 @@ class _TopicDecoder:
         count("stamps that run backwards", check.num_backward)
         count("stamps that repeat", check.num_duplicate)
         count("messages that cannot be decoded", self._num_garbage)
+        count("messages of another type", self._num_other)
+        if self._num_other:
+            self._log.warn(f"{name}: {self._num_other} messages are not {_short(self._topic.msgtype)} and are left out")
         if check.num_backward:
             self._log.warn(
                 f"{name}: {check.num_backward} of {check.num} stamps run backwards, by up to "
@@ -305,6 +320,16 @@ class _TopicDecoder:
                 f"{name}: {self._num_garbage} messages cannot be decoded and are left out, the first at "
                 f"{self._first_garbage}"
             )
+
+
+def channels_of(topic: Topic, contents: Contents) -> frozenset[int]:
+    """Return the channels that messages of a topic and of its type carry (-1 where a container tells none)."""
+    same = (
+        number
+        for number, other in enumerate(contents.topics)
+        if other.name == topic.name and other.msgtype == topic.msgtype and other.encoding == topic.encoding
+    )
+    return frozenset((-1, *same))
 
 
 def _short(msgtype: str) -> str:
