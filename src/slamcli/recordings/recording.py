@@ -13,6 +13,7 @@ from typing import Any, Self, TypeVar
 from slamcli.errors import RecordingError, SlamcliError, UsageError
 from slamcli.geometry.frame_tree import FrameTree
 from slamcli.recordings.adapters import adapter_for, msgtypes_of
+from slamcli.recordings.adapters.context import renaming
 from slamcli.recordings.frames import read_frames
 from slamcli.recordings.mends import Mends
 from slamcli.recordings.raw import Contents, RawReader, Topic
@@ -194,6 +195,14 @@ class Recording:
                         f"{option} {name}: {self.name} has no such topic; {self._would_fit(name, None)}"
                     )
 
+    def unused_mends(self) -> tuple[str, ...]:
+        """Return the renamings of frames that nothing that was read so far named."""
+        return tuple(
+            f"--rename-frame {old}={new}"
+            for old, new in self.mends.renamed_frames.items()
+            if not self.log.counts[renaming(old, new)]
+        )
+
     def _stream(
         self, decoders: dict[str, TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool
     ) -> Iterator[Any]:
@@ -234,3 +243,5 @@ class Recording:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.raw.__exit__(kind, error, trace)
+        for unused in self.unused_mends() if error is None else ():
+            self.log.warn(f"{unused} changed nothing: no message that was read names that frame")
