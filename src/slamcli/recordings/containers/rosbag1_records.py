@@ -192,6 +192,8 @@ def read_chunk(data: bytes, channels: Mapping[int, int] | None = None) -> ChunkC
             elif record.op == OP_CONNECTION:
                 connection, topic = read_connection(record, data)
                 contents.connections[connection] = topic
+            else:
+                contents.error = f"a record of type {record.op} lies among the messages"
         except RecordError as error:
             contents.error = str(error)
             break
