@@ -13,7 +13,7 @@ from slamcli.recordings.raw import Topic
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_BAG_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = 2, 3, 4, 5, 6, 7
-MAX_HEADER_BYTES = 16 << 20
+MAX_HEADER_BYTES = 64 << 10
 
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
