@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planar_run import planar_run
 
 from slamcli.errors import RecordingError
 from slamcli.measurements import FrameTransform, LaserScan, Odometry, StampedPose
 from slamcli.recordings import Recording, open_recording
 from slamcli.recordings.diagnosis import diagnose
-from slamcli.recordings.planar import planar_input
 
 DATA = Path(os.environ.get("SLAMCLI_TEST_DATA", Path(__file__).parents[3] / "shared" / "data"))
 BAGS, LASER = DATA / "bags", DATA / "laser"
@@ -76,13 +76,13 @@ def test_measurements_equal_what_rosbags_decodes(name: str) -> None:
 
 def test_a_real_robot_in_the_plane() -> None:
     with open_recording(BAGS / "trace0.bag") as recording:
-        planar = planar_input(recording)
-        scans = list(planar.scans())
+        planar = planar_run(recording)
+        scans = planar.scans
         assert planar.odometry is not None
         assert (len(scans), scans[0].num_beams, len(planar.odometry)) == (958, 726, 958)
         np.testing.assert_allclose(planar.mount.T_base_laser[:3, 3], [0.135, 0.0, 0.202])
         path_m = np.linalg.norm(np.diff(planar.odometry.poses[:, :2], axis=0), axis=1).sum()
-        from_tf = planar_input(recording, odom_topic="tf").odometry
+        from_tf = planar_run(recording, odom_topic="tf").odometry
         assert from_tf is not None
         np.testing.assert_allclose(
             np.linalg.norm(np.diff(from_tf.poses[:, :2], axis=0), axis=1).sum(), path_m, rtol=0.01
@@ -91,9 +91,9 @@ def test_a_real_robot_in_the_plane() -> None:
 
 def test_a_hand_held_scanner_of_an_early_bag_writer() -> None:
     with open_recording(BAGS / "ccny_laser_scan_matcher_demo.bag") as recording:
-        planar = planar_input(recording)
+        planar = planar_run(recording)
         assert planar.odometry is None
-        assert len(list(planar.scans())) == 360
+        assert len(planar.scans) == 360
 
 
 def test_a_bag_of_the_past_is_refused() -> None:
@@ -120,9 +120,9 @@ def test_poses_and_transforms() -> None:
 
 def test_a_carmen_log_as_it_is() -> None:
     with open_recording(LASER / "mit-csail.clf.gz") as recording:
-        planar = planar_input(recording)
+        planar = planar_run(recording)
         assert planar.odometry is not None
-        assert len(list(planar.scans())) == 1988
+        assert len(planar.scans) == 1988
         path_m = np.linalg.norm(np.diff(planar.odometry.poses[:, :2], axis=0), axis=1).sum()
         assert path_m == pytest.approx(374, abs=10)
 
