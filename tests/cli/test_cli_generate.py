@@ -56,6 +56,8 @@ def test_lists(capsys):
         (["office", "--duration", "-1"], 2, "duration"),
         (["office", "--start", "0.45,2.6"], 1, "not within 0.5 m"),
         (["office", "--set", "slip.count=-1"], 2, "slip.count"),
+        (["office", "--set", "laser.beams=inf"], 2, "whole number"),
+        (["office", "--set", "laser.noise=inf"], 2, "between"),
         (["office", "--format", "foo"], 2, "foo"),
         (["office", "--compression", "foo"], 2, "foo"),
     ],

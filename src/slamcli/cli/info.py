@@ -39,7 +39,10 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
 
     with Console(verbosity) as console:
         log = RunLog(console)
-        with open_recording(bags, mends=mends, log=log) as recording, log.stage("reading"):
+        with (
+            open_recording(bags, mends=mends, log=log) as recording,
+            log.stage("reading", (recording.end_ns - recording.start_ns) / 1e9),
+        ):
             summary = summarise(recording, full=full)
         console.tell(log)
     if as_json:

@@ -16,7 +16,7 @@ from slamcli.evaluation.statistics import Statistics
 from slamcli.geometry import se2
 
 _ROWS = 256
-_SSIM_SIGMA = 1.5
+_SSIM_SIGMA, _SSIM_MARGIN = 1.5, 6
 _SSIM_C1, _SSIM_C2 = 0.01**2, 0.03**2
 
 
@@ -119,7 +119,7 @@ def map_errors(
         occupied_iou=_iou(occupied & both, reference.occupied & both),
         free_iou=_iou(free & both, reference.free & both),
         coverage=float((both & reference.known).sum() / reference.known.sum()),
-        ssim=float(_ssim(*picture)[free | occupied | reference.known].mean()),
+        ssim=_ssim(*picture, free | occupied | reference.known),
     )
 
 
@@ -128,17 +128,28 @@ def _on_reference(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which cells of the reference's grid are free and occupied in the map: the map's cell at each cell's centre."""
     shape = reference.occupied.shape
-    T_map_reference = se2.inverse(T_reference_map)
+    (x0, y0), (x_column, y_column), (x_row, y_row) = _cells_of_map(layers, reference, T_reference_map)
+    columns = np.arange(shape[1])
     free, occupied = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
     for top in range(0, shape[0], _ROWS):
-        rows, columns = np.mgrid[top : min(top + _ROWS, shape[0]), 0 : shape[1]]
-        centres = reference.grid.cell_to_map(np.column_stack([rows.ravel(), columns.ravel()]))
-        cells = layers.grid.map_to_cell(se2.transform_points(T_map_reference, centres))
-        inside = layers.grid.contains(cells)
-        row, column = np.where(inside[:, None], cells, 0).T
-        free[rows[:, 0]] = (inside & layers.free[row, column]).reshape(rows.shape)
-        occupied[rows[:, 0]] = (inside & layers.occupied[row, column]).reshape(rows.shape)
+        rows = np.arange(top, min(top + _ROWS, shape[0]))[:, None]
+        column = np.floor(x0 + columns * x_column + rows * x_row).astype(np.int64)
+        row = np.floor(y0 + columns * y_column + rows * y_row).astype(np.int64)
+        inside = (row >= 0) & (row < layers.grid.height) & (column >= 0) & (column < layers.grid.width)
+        row, column = row[inside], column[inside]
+        free[top : top + _ROWS][inside] = layers.free[row, column]
+        occupied[top : top + _ROWS][inside] = layers.occupied[row, column]
     return free, occupied
+
+
+def _cells_of_map(
+    layers: MapLayers, reference: MapLayers, T_reference_map: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return where in the map's cells the reference's first cell has its centre, and the steps to its right and upper one."""
+    corners = reference.grid.cell_to_map([[0, 0], [0, 1], [1, 0]])
+    local = se2.transform_points(se2.inverse(se2.compose(T_reference_map, layers.grid.origin)), corners)
+    start, right, up = local / layers.grid.resolution_m
+    return start, right - start, up - start
 
 
 def _iou(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
@@ -150,14 +161,19 @@ def _picture(free: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> NDArray[np
     return np.where(occupied, 0.0, np.where(free, 1.0, 0.5))
 
 
-def _ssim(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ssim(a: NDArray[np.float64], b: NDArray[np.float64], known: NDArray[np.bool_]) -> float:
+    """Return the mean structural similarity of two pictures over the known cells."""
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    box = tuple(slice(max(int(s[0]) - _SSIM_MARGIN, 0), int(s[-1]) + _SSIM_MARGIN + 1) for s in (rows, columns))
+    a, b, known = a[box], b[box], known[box]
+
     def blurred(image: NDArray[np.float64]) -> NDArray[np.float64]:
         result: NDArray[np.float64] = ndimage.gaussian_filter(image, _SSIM_SIGMA, truncate=3.5)
         return result
 
     mean_a, mean_b = blurred(a), blurred(b)
-    variance_a, variance_b = blurred(a * a) - mean_a**2, blurred(b * b) - mean_b**2
+    variances = blurred(a * a) - mean_a**2 + blurred(b * b) - mean_b**2
     covariance = blurred(a * b) - mean_a * mean_b
-    return ((2 * mean_a * mean_b + _SSIM_C1) * (2 * covariance + _SSIM_C2)) / (
-        (mean_a**2 + mean_b**2 + _SSIM_C1) * (variance_a + variance_b + _SSIM_C2)
-    )
+    above = (2 * mean_a * mean_b + _SSIM_C1) * (2 * covariance + _SSIM_C2)
+    below = (mean_a**2 + mean_b**2 + _SSIM_C1) * (variances + _SSIM_C2)
+    return float((above[known] / below[known]).mean())

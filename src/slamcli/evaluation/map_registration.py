@@ -27,6 +27,7 @@ _PAD_CELLS = 6
 _NUM_CANDIDATES = 6
 _FEW_POINTS, _MANY_POINTS = 1000, 10_000
 _MARGIN_M = 2.0
+_FIELD_CELLS = 1024
 _OVERLAP_M = 0.3
 _SCALES_M = (1.0, 0.3)
 _FINE_SCALES_CELLS = (4.0, 1.5)
@@ -84,9 +85,11 @@ def register(layers: MapLayers, reference: MapLayers, *, search: bool = True) ->
 
 def measure_overlap(layers: MapLayers, reference: MapLayers, T_reference_map: NDArray[np.float64]) -> MapRegistration:
     """Return the overlap of two maps at a given pose."""
-    fields = _Field.of(layers), _Field.of(reference)
-    points = _thinned(layers.walls_m, _MANY_POINTS), _thinned(reference.walls_m, _MANY_POINTS)
-    return MapRegistration(T_reference_map, _overlap(T_reference_map, points, fields))
+    walls = se2.transform_points(T_reference_map, _thinned(layers.walls_m, _MANY_POINTS))
+    away, _ = cKDTree(reference.walls_m).query(walls)
+    others = se2.transform_points(se2.inverse(T_reference_map), _thinned(reference.walls_m, _MANY_POINTS))
+    back, _ = cKDTree(layers.walls_m).query(others)
+    return MapRegistration(T_reference_map, (_closeness(away) + _closeness(back)) / 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +103,8 @@ class _Field:
 
     @classmethod
     def of(cls, layers: MapLayers) -> _Field:
-        cell = layers.grid.resolution_m
+        extent = float(np.ptp(layers.walls_m, axis=0).max())
+        cell = max(layers.grid.resolution_m, extent / _FIELD_CELLS)
         corner = layers.walls_m.min(axis=0) - _MARGIN_M
         shape = np.ceil((layers.walls_m.max(axis=0) + _MARGIN_M - corner) / cell).astype(np.int64) + 1
         # Walls are put where they are to the nearest cell; the corner keeps them on cell centres where the yaw is 0.
@@ -235,8 +239,12 @@ def _rows(
 
 
 def _overlap(pose: NDArray[np.float64], points: _Points, fields: _Fields) -> float:
-    shares = [float((1 - np.minimum(distance / _OVERLAP_M, 1)).mean()) for _, distance in _rows(pose, points, fields)]
-    return sum(shares) / 2
+    forward, backward = _rows(pose, points, fields)
+    return (_closeness(forward[1]) + _closeness(backward[1])) / 2
+
+
+def _closeness(distances: NDArray[np.float64]) -> float:
+    return float((1 - np.minimum(distances / _OVERLAP_M, 1)).mean())
 
 
 def _search(layers: MapLayers, reference: MapLayers) -> NDArray[np.float64]:

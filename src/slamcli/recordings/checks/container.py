@@ -23,8 +23,15 @@ def empty_topics(evidence: Evidence) -> Iterator[Finding]:
 
 
 def undecodable(evidence: Evidence) -> Iterator[Finding]:
-    """Name topics whose messages are not what their type says."""
+    """Name topics whose messages are not what their type says, or of two types."""
     for name, found in evidence.surveys.items():
+        if found.num_other:
+            yield Finding(
+                severity="warning",
+                topic=name,
+                message=f"two types under one name: messages that are not {found.topic.msgtype} are left out",
+                count=found.num_other,
+            )
         if found.num_garbage:
             yield Finding(
                 severity="error",

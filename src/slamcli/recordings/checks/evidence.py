@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -88,8 +89,8 @@ class ImuEvidence:
 
     def see(self, _message: Any, sample: ImuSample) -> None:
         """Take a sample in."""
-        self.acceleration.append(float(np.linalg.norm(sample.acceleration_m_s2)))
-        self.rotation.append(float(np.linalg.norm(sample.angular_rad_s)))
+        self.acceleration.append(math.hypot(*sample.acceleration_m_s2.tolist()))
+        self.rotation.append(math.hypot(*sample.angular_rad_s.tolist()))
         self.stamps.append(sample.stamp_ns)
 
 
