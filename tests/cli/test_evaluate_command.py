@@ -275,6 +275,16 @@ def test_a_path_with_a_colon_is_a_path(files, capsys, circle):
     assert code == 0, err
 
 
+def test_options_without_a_meaning_are_told(files, capsys):
+    code, _, err = evaluate(capsys, files / "run.tum", files / "truth.tum", "--tolerance", "0.2", "--max-gap", "1")
+    assert code == 0
+    assert "--tolerance has no meaning here: REF is a trajectory" in err
+    assert "--max-gap has no meaning here" in err
+    code, _, err = evaluate(capsys, files / "run.tum", files / "truth.tum", "--t-offset", "nan")
+    assert code == 2
+    assert "is no offset between clocks" in err
+
+
 def test_maps(tmp_path, capsys):
     cells = np.zeros((60, 90), dtype=np.int8)
     cells[[5, 54], 5:85] = cells[5:55, 5] = cells[5:55, 84] = cells[5:30, 40] = 100

@@ -140,6 +140,8 @@ def load_site(
     with log.stage("costmap"):
         costmap = compute_costmap(map_file.grid, costmap_parameters, from_file=bool(costmap_files))
         site = GlobalPlanner(costmap, planner_parameters, method)
+    with log.stage("prepare"):
+        site.prepare()
     for warning in costmap.warnings:
         log.warn(warning)
     if costmap.circumscribed_radius_m == 0.0 and costmap_parameters.robot_radius is None:

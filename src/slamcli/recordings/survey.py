@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from slamcli.recordings.adapters import Adapter, DecodeContext, adapter_for
 from slamcli.recordings.raw import RawMessage, Topic
-from slamcli.recordings.recording import DECODING_ERRORS, Recording, channels_of
+from slamcli.recordings.recording import Recording
 from slamcli.recordings.stamps import stamp_reader
+from slamcli.recordings.topic_decoder import DECODING_ERRORS, channels_of
 
 Listener = Callable[[Any, Any], None]
 """What wants to see a topic's messages: called with the message and its first measurement."""
