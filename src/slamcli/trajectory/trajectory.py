@@ -21,6 +21,7 @@ def seconds(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
     whole, rest = np.divmod(stamps, 1_000_000_000)
     return np.where(np.abs(stamps) < 2**53, stamps / 1e9, whole + rest / 1e9)
 
+
 _FARTHEST_M = 1e15  # squares of differences stay exact enough and finite
 
 
