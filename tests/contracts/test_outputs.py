@@ -134,4 +134,4 @@ def test_a_killed_command_leaves_no_half_written_output(tmp_path):
             break
         assert not (tmp_path / "out.bag").exists()
     subprocess.run(command, check=True, capture_output=True, timeout=120)
-    assert [p.name for p in tmp_path.iterdir()] == ["out.bag"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out.bag", "out.run.json"]
