@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from slamcli.grids.tiles import TiledMaps
+
+pytestmark = pytest.mark.kernels
 
 
 class Backwards:
