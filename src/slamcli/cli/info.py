@@ -44,7 +44,13 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
             log.stage("reading", (recording.end_ns - recording.start_ns) / 1e9),
         ):
             summary = summarise(recording, full=full)
-        console.tell(log)
+        # Damage and contradicting frames are part of the answer: they are not said twice.
+        answered = {*summary.contents.damage, *(f"tf: {problem}" for problem in summary.frames.problems)}
+        for note in log.notes:
+            console.say(note)
+        for warning in log.warnings:
+            if warning not in answered:
+                console.warn(warning)
     if as_json:
         print_json(_document(summary, log))
     else:

@@ -13,6 +13,7 @@ from typing import Any, Self, TypeVar
 from slamcli.errors import RecordingError, SlamcliError, UsageError
 from slamcli.geometry.frame_tree import FrameTree
 from slamcli.recordings.adapters import adapter_for, msgtypes_of
+from slamcli.recordings.adapters.context import renaming
 from slamcli.recordings.frames import read_frames
 from slamcli.recordings.mends import Mends
 from slamcli.recordings.raw import Contents, RawReader, Topic
@@ -194,20 +195,27 @@ class Recording:
                         f"{option} {name}: {self.name} has no such topic; {self._would_fit(name, None)}"
                     )
 
+    def unused_mends(self) -> tuple[str, ...]:
+        """Return the renamings of frames that nothing that was read so far named."""
+        return tuple(
+            f"--rename-frame {old}={new}"
+            for old, new in self.mends.renamed_frames.items()
+            if not self.log.counts[renaming(old, new)]
+        )
+
     def _stream(
         self, decoders: dict[str, TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool
     ) -> Iterator[Any]:
         raw = self.raw.messages(tuple(decoders), start_ns, stop_ns)
         stamped = ((decoders[m.topic].stamp_ns(m), m) for m in raw if decoders[m.topic].accepts(m))
         ordered = stamped if log_order or len(decoders) == 1 else merge_by_stamp(stamped)
-        try:
-            for stamp_ns, message in ordered:
-                yield from decoders[message.topic].decode(message, stamp_ns)
-        finally:
-            for decoder in decoders.values():
-                decoder.tell()
-            for damage in self.contents.damage:
-                self.log.warn(damage)
+        for stamp_ns, message in ordered:
+            yield from decoders[message.topic].decode(message, stamp_ns)
+        # Not where the caller stops early: a look at the first scans is not what the figures are about.
+        for decoder in decoders.values():
+            decoder.tell()
+        for damage in self.contents.damage:
+            self.log.warn(damage)
 
     def _would_fit(self, name: str, kind: type | None) -> str:
         """Return which topics could have been meant."""
@@ -234,3 +242,5 @@ class Recording:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.raw.__exit__(kind, error, trace)
+        for unused in self.unused_mends() if error is None else ():
+            self.log.warn(f"{unused} changed nothing: no message that was read names that frame")

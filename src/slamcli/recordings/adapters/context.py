@@ -35,6 +35,8 @@ class DecodeContext:
         if name is None:
             bare = recorded.lstrip("/")
             name = self._frames[recorded] = self.mends.renamed_frames.get(bare, bare)
+            if bare in self.mends.renamed_frames:
+                self.log.counts[renaming(bare, name)] += 1
         return name
 
     def stamp_ns(self, stamp: Any, fallback_ns: int) -> int:
@@ -57,6 +59,11 @@ class DecodeContext:
         if norm < 1e-12:
             self.count("orientations that were unset (all zero), taken as no rotation")
         return quaternion.normalise(np.array((x, y, z, w), dtype=np.float64))
+
+
+def renaming(old: str, new: str) -> str:
+    """Return under which name the log counts the topics in which a frame was renamed."""
+    return f"frame {old} read as {new}: topics"
 
 
 def vector(v: Any) -> NDArray[np.float64]:

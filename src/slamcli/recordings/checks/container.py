@@ -39,3 +39,9 @@ def undecodable(evidence: Evidence) -> Iterator[Finding]:
                 message=f"messages cannot be decoded: {found.garbage}",
                 count=found.num_garbage,
             )
+
+
+def unused_mends(evidence: Evidence) -> Iterator[Finding]:
+    """Name mends that were given and changed nothing."""
+    for mend in evidence.unused_mends:
+        yield Finding(severity="warning", message=f"{mend} changes nothing: no message names that frame")

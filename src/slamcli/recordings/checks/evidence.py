@@ -142,6 +142,8 @@ class Evidence:
     """A few images of each topic, spread over its beginning."""
     time_offsets_ns: Mapping[str, int] = field(default_factory=dict)
     """Offsets that are applied already."""
+    unused_mends: tuple[str, ...] = ()
+    """Mends that changed nothing."""
 
     def of(self, kind: type) -> dict[str, TopicSurvey]:
         """Return the surveys of topics that decode to a measurement type and hold messages."""
@@ -185,6 +187,7 @@ def gather(recording: Recording) -> Evidence:
         cameras=cameras,
         images=_some_images(recording, surveys),
         time_offsets_ns=recording.mends.time_offsets_ns,
+        unused_mends=recording.unused_mends(),
     )
 
 
