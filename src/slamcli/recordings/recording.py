@@ -209,14 +209,13 @@ class Recording:
         raw = self.raw.messages(tuple(decoders), start_ns, stop_ns)
         stamped = ((decoders[m.topic].stamp_ns(m), m) for m in raw if decoders[m.topic].accepts(m))
         ordered = stamped if log_order or len(decoders) == 1 else merge_by_stamp(stamped)
-        try:
-            for stamp_ns, message in ordered:
-                yield from decoders[message.topic].decode(message, stamp_ns)
-        finally:
-            for decoder in decoders.values():
-                decoder.tell()
-            for damage in self.contents.damage:
-                self.log.warn(damage)
+        for stamp_ns, message in ordered:
+            yield from decoders[message.topic].decode(message, stamp_ns)
+        # Not where the caller stops early: a look at the first scans is not what the figures are about.
+        for decoder in decoders.values():
+            decoder.tell()
+        for damage in self.contents.damage:
+            self.log.warn(damage)
 
     def _would_fit(self, name: str, kind: type | None) -> str:
         """Return which topics could have been meant."""

@@ -201,6 +201,15 @@ def test_a_database_that_is_no_bag(tmp_path: Path) -> None:
         open_raw(tmp_path / "x.db3")
 
 
+def test_a_damaged_schema_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "x.db3"
+    write_sample(path, "sqlite3", "none")
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"CREATE TABLE topics", b"CRE\xff\xff TABLE topics"))
+    assert "two lines" not in _refusal(path)
+    assert "nothing can be read" in _refusal(path)
+
+
 @pytest.mark.parametrize("compression", ["bz2", "zstd", "lz4"])
 def test_bombs_stop_at_the_declared_size(compression: str) -> None:
     import bz2
