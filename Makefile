@@ -10,7 +10,7 @@ demo: $(READY)
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash .ci/demo
 
 test: $(READY)
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -16,6 +16,7 @@ from slamcli.pipelines.generate import generate
 
 FAST = {"robot.turn_rate": 2.0, "robot.turn_acceleration": 6.0}
 SICK = {"laser.beams": 361, "laser.fov": 180, "laser.range_max": 30, "laser.resolution": 0.01, "laser.rate": 5}
+SICK["laser.sweep"] = 0.0267  # its mirror turns at 75 Hz and needs two turns for half degrees; scans are sent at 5 Hz
 SHORT = {
     "laser.beams": 682,
     "laser.fov": 240,

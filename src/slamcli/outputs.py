@@ -10,13 +10,15 @@ import json
 import os
 import shutil
 import tempfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
 from slamcli.errors import UsageError
 
-_TEMPORARY_PREFIX = ".slamcli-"
+_TEMPORARY_PREFIX = f".slamcli-{zlib.crc32(os.uname().nodename.encode()):08x}"
+"""With the machine in the name: only its own processes can be known to be gone."""
 _RENAME_EXCHANGE = 2
 _AT_FDCWD = -100
 
@@ -38,7 +40,8 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
         raise UsageError(f"{target} is a folder: name a file in it")
     with _writable(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=_TEMPORARY_PREFIX, suffix=target.suffix, dir=target.parent)
+        _remove_stale(target.parent)
+        handle, name = tempfile.mkstemp(prefix=_prefix(), suffix=target.suffix, dir=target.parent)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -79,7 +82,8 @@ def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
         raise UsageError(f"{target} is the folder you are in (or above it): name a new folder for the output")
     with _writable(target):
         resolved.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY_PREFIX, dir=resolved.parent))
+        _remove_stale(resolved.parent)
+        temporary = Path(tempfile.mkdtemp(prefix=_prefix(), dir=resolved.parent))
     try:
         yield temporary
         for path in temporary.rglob("*"):
@@ -131,10 +135,37 @@ def _exchange(new: Path, old: Path) -> None:
             raise UsageError(f"cannot replace {old}: {os.strerror(ctypes.get_errno())}")
     except (AttributeError, OSError):
         pass
-    aside = Path(tempfile.mkdtemp(prefix=_TEMPORARY_PREFIX, dir=old.parent)) / "old"
+    aside = Path(tempfile.mkdtemp(prefix=_prefix(), dir=old.parent)) / "old"
     old.rename(aside)
     new.rename(old)
     shutil.rmtree(aside.parent, ignore_errors=True)
+
+
+def _prefix() -> str:
+    return f"{_TEMPORARY_PREFIX}-{os.getpid()}-"
+
+
+def _remove_stale(folder: Path) -> None:
+    """Remove what processes of this machine that were killed left behind in `folder`."""
+    for path in folder.glob(f"{_TEMPORARY_PREFIX}-*"):
+        owner = path.name.removeprefix(f"{_TEMPORARY_PREFIX}-").partition("-")[0]
+        if not owner.isdecimal() or _is_running(int(owner)):
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                path.unlink()
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def _flush(path: Path) -> None:

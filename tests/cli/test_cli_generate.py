@@ -18,7 +18,7 @@ def test_json_tells_everything(tmp_path, capsys):
                 "--truth", str(tmp_path / "t.tum"), "--map-out", str(tmp_path / "m.yaml")])  # fmt: skip
     document = json.loads(capsys.readouterr().out)
     assert code == 0
-    assert {"world", "path", "truth", "map", "seed", "duration_s", "length_m", "messages", "slips_s", "settings",
+    assert {"world", "path", "truth", "map", "record", "seed", "duration_s", "length_m", "messages", "slips_s", "settings",
             "seconds", "speed_x_real_time"} == set(document)  # fmt: skip
     assert document["seed"] == 9
     assert document["messages"]["/imu"] == 201
@@ -56,6 +56,8 @@ def test_lists(capsys):
         (["office", "--duration", "-1"], 2, "duration"),
         (["office", "--start", "0.45,2.6"], 1, "not within 0.5 m"),
         (["office", "--set", "slip.count=-1"], 2, "slip.count"),
+        (["office", "--set", "laser.beams=inf"], 2, "whole number"),
+        (["office", "--set", "laser.noise=inf"], 2, "between"),
         (["office", "--format", "foo"], 2, "foo"),
         (["office", "--compression", "foo"], 2, "foo"),
     ],

@@ -38,7 +38,7 @@ def test_show_for_a_person_marks_what_was_changed(capsys):
         (["show", "--set", "particels=7"], "did you mean particles"),
         (["show", "--algo", "gmaping"], "no SLAM system 'gmaping': installed are"),
         (["show", "--config", "nowhere.launch"], "nowhere.launch: no such file"),
-        (["show", "--arg", "x"], "write NAME:=VALUE"),
+        (["show", "--arg", "x"], "write NAME=VALUE"),
         (["check"], "Missing argument"),
     ],
 )

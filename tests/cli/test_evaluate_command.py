@@ -8,9 +8,11 @@ import pytest
 
 from slamcli.cli.main import run
 from slamcli.evaluation import Relations
+from slamcli.formats.maps import write_map
 from slamcli.formats.relations import write_relations
 from slamcli.formats.trajectories import read_tum, write_kitti, write_tum
 from slamcli.geometry import se2
+from slamcli.grids import OccupancyGrid
 from slamcli.measurements import FrameTransform, Odometry
 from slamcli.recordings import create_recording
 from slamcli.trajectory import Trajectory
@@ -271,6 +273,55 @@ def test_a_path_with_a_colon_is_a_path(files, capsys, circle):
     write_tum(files / "at 12:30.tum", circle)
     code, _, err = evaluate(capsys, files / "at 12:30.tum", files / "truth.tum")
     assert code == 0, err
+
+
+def test_options_without_a_meaning_are_told(files, capsys):
+    code, _, err = evaluate(capsys, files / "run.tum", files / "truth.tum", "--tolerance", "0.2", "--max-gap", "1")
+    assert code == 0
+    assert "--tolerance has no meaning here: REF is a trajectory" in err
+    assert "--max-gap has no meaning here" in err
+    code, _, err = evaluate(capsys, files / "run.tum", files / "truth.tum", "--t-offset", "nan")
+    assert code == 2
+    assert "is no offset between clocks" in err
+
+
+def test_maps(tmp_path, capsys):
+    cells = np.zeros((60, 90), dtype=np.int8)
+    cells[[5, 54], 5:85] = cells[5:55, 5] = cells[5:55, 84] = cells[5:30, 40] = 100
+    write_map(tmp_path / "truth.yaml", OccupancyGrid(cells, 0.1))
+    write_map(tmp_path / "run.yaml", OccupancyGrid(cells, 0.1, (3.0, -2.0, 0.0)))
+    arguments = [
+        "--json",
+        "--plot",
+        tmp_path / "maps.png",
+        "--max",
+        "map.two_way.mean=0.01",
+        "--min",
+        "map.f_score=0.99",
+    ]
+    code, out, err = evaluate(capsys, tmp_path / "run.yaml", tmp_path / "truth.yaml", *arguments)
+    document = json.loads(out)
+    assert code == 0, err
+    assert document["kind"] == "map"
+    assert document["registration"]["x_m"] == pytest.approx(-3, abs=1e-3)
+    assert document["registration"]["y_m"] == pytest.approx(2, abs=1e-3)
+    assert document["map"]["accuracy"] == 1
+    assert (tmp_path / "maps.png").read_bytes().startswith(b"\x89PNG")
+    code, out, err = evaluate(capsys, tmp_path / "run.yaml", tmp_path / "truth.yaml", "--map-align", "none")
+    assert code == 0
+    assert "completeness" in out
+    assert "the maps overlap by" in err
+    code, _, _ = evaluate(capsys, tmp_path / "run.yaml", tmp_path / "truth.yaml", "-o", tmp_path / "out")
+    assert code == 0
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["evaluation.json", "plot.png", "run.json"]
+    write_tum(tmp_path / "run.tum", Trajectory.from_se2([0, S], [[0, 0, 0], [1, 0, 0]]))
+    code, _, err = evaluate(capsys, tmp_path / "run.tum", tmp_path / "truth.yaml")
+    assert code == 2
+    assert "must be one too" in err
+    (tmp_path / "truth.pgm").unlink()
+    code, _, err = evaluate(capsys, tmp_path / "run.yaml", tmp_path / "truth.yaml")
+    assert code == 2
+    assert "truth.pgm" in err
 
 
 def test_help_names_every_option(capsys):

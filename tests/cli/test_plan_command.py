@@ -83,7 +83,7 @@ def test_default_draws_the_path_here(map_path: Path, capsys: pytest.CaptureFixtu
     assert rows.dtype.names == ("x", "y", "yaw")
     assert (rows["x"][0], rows["y"][-1]) == (-2.0, -1.0)
     record = json.loads(Path("path.run.json").read_text())
-    assert record["result"]["status"] == "ok"
+    assert record["summary"]["status"] == "ok"
     assert [len(i["sha256"]) for i in record["inputs"]] == [64, 64]
 
 
@@ -256,7 +256,7 @@ def test_wrong_usage_is_one_line_and_exit_2(
 def test_same_input_same_bytes(map_path: Path) -> None:
     for folder in ("a", "b"):
         assert run(["plan", "-2,-1", "2,-1", "--map", "map.yaml", "-o", folder, "-q"]) == 0
-    for name in ("path.csv", "path.tum", "path.png", "path.mcap"):
+    for name in ("path.csv", "path.tum", "path.png", "path.mcap", "path.json"):
         assert Path("a", name).read_bytes() == Path("b", name).read_bytes()
 
 

@@ -7,6 +7,8 @@ import pytest
 from slamcli.errors import DataError
 from slamcli.grids.distance import least_distance, nearest_cell, squared_distance
 
+pytestmark = pytest.mark.kernels
+
 
 def naive_squared(mask: np.ndarray) -> np.ndarray:
     sources = np.argwhere(mask)

@@ -241,6 +241,37 @@ def test_carmen_to_every_format(tmp_path: Path) -> None:
         convert([tmp_path / "a.clf", tmp_path / "b.bag"], tmp_path / "d.bag")
 
 
+def test_other_encodings_pass_between_mcap_files_only(tmp_path: Path) -> None:
+    schema = bytes(range(256)).decode("latin-1")
+    with create_raw(tmp_path / "a.mcap") as writer:
+        for name, count in (("/log", 1), ("/empty", 0)):
+            writer.add_topic(
+                Topic(
+                    name=name,
+                    msgtype="foxglove.Log",
+                    count=None,
+                    encoding="protobuf",
+                    definition=schema,
+                    definition_format="protobuf",
+                )
+            )
+            for _ in range(count):
+                writer.write(RawMessage(name, START_NS, b"abc"))
+    convert([tmp_path / "a.mcap"], tmp_path / "b.mcap")
+    with open_raw(tmp_path / "b.mcap") as reader:
+        topic = reader.contents.topics[0]
+        assert (topic.msgtype, topic.encoding, topic.definition, topic.definition_format) == (
+            *("foxglove.Log", "protobuf", schema, "protobuf"),
+        )
+    with pytest.raises(
+        RecordingError, match="'protobuf' messages cannot become 'ros1' ones; leave it out with --exclude-topics /log"
+    ):
+        convert([tmp_path / "b.mcap"], tmp_path / "c.bag")
+    log = RunLog()
+    convert([tmp_path / "b.mcap"], tmp_path / "c.bag", selection=Selection(topics=("/empty",)), log=log)
+    assert "it is empty and left out" in log.warnings[0]
+
+
 @pytest.mark.real_data
 @pytest.mark.skipif(not (DATA / "bags").is_dir(), reason=f"no recordings under {DATA}")
 def test_real_bags_come_back_equal(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -46,7 +48,7 @@ def test_what_is_read_back_is_what_was_simulated(tmp_path, name):
         assert a.time_increment_s == pytest.approx(b.time_increment_s)
 
 
-@pytest.mark.parametrize("name", ["out.bag", "out.mcap"])
+@pytest.mark.parametrize("name", ["out.bag", "out.mcap", "out.db3"])
 def test_the_same_seed_gives_the_same_bytes(tmp_path, name):
     for folder in ("a", "b"):
         generate(
@@ -54,8 +56,8 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path, name):
             truth=tmp_path / folder / "t.tum", map_path=tmp_path / folder / "m.yaml",
         )  # fmt: skip
     files = sorted(p.name for p in (tmp_path / "a").iterdir())
-    assert files == sorted([name, "t.tum", "m.yaml", "m.pgm"])
-    for file in files:
+    assert files == sorted([name, "out.run.json", "t.tum", "m.yaml", "m.pgm"])
+    for file in set(files) - {"out.run.json"}:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
@@ -99,6 +101,18 @@ def test_settings_given_win_over_the_world_and_start_over_its_start(tmp_path):
     with open_recording(tmp_path / "o.bag") as recording:
         first = next(iter(recording.measurements(["/ground_truth"])))
     np.testing.assert_allclose(first.pose_se2, [12.0, 8.8, 0.0])
+
+
+def test_the_runs_record(tmp_path):
+    made = generate("office", tmp_path / "o.mcap", seed=4, duration_s=2.0, settings=FAST, truth=tmp_path / "t.tum")
+    record = json.loads(made.record.read_text())
+    assert made.record == tmp_path / "o.run.json"
+    assert record["seed"] == 4
+    assert record["changed"] == FAST
+    assert record["parameters"]["laser.beams"] == 61
+    assert record["outputs"] == ["o.mcap", "o.run.json", "t.tum"]
+    assert record["inputs"][0]["name"] == "office.yaml"
+    assert record["topics"]["/scan"] == 20
 
 
 def test_nothing_is_left_of_what_failed(tmp_path):

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from memory_recording import MemoryContainer
+from planar_run import planar_run
 
 from slamcli.errors import RecordingError
 from slamcli.geometry import quaternion, se3
@@ -13,7 +14,6 @@ from slamcli.measurements import FrameTransform, LaserScan, Odometry
 from slamcli.recordings.laser_mount import find_laser_mount
 from slamcli.recordings.mends import Mends
 from slamcli.recordings.odometry_track import read_odometry
-from slamcli.recordings.planar import planar_input
 from slamcli.recordings.recording import Recording
 from slamcli.recordings.topic_picks import pick_topics
 
@@ -72,14 +72,14 @@ def _robot(
 
 def test_the_usual_robot() -> None:
     recording = _robot().recording()
-    planar = planar_input(recording)
+    planar = planar_run(recording)
     assert (planar.picks.scan.name, planar.picks.base_frame, planar.picks.odom_frame) == ("/scan", "base_link", "odom")
     assert planar.picks.odometry == "topic"
     np.testing.assert_allclose(se3.to_se2(planar.mount.T_base_laser), [0.2, 0.0, 0.5])
     assert planar.odometry is not None
     np.testing.assert_allclose(planar.odometry.poses[:, 0], np.arange(1, 11))
     np.testing.assert_allclose(planar.odometry.poses[:, 2], 0.1 * np.arange(1, 11))
-    assert len(list(planar.scans())) == 10
+    assert len(planar.scans) == 10
     assert recording.log.notes == ["odometry from topic /odom (odom -> base_link)"]
     assert not recording.log.warnings
 
@@ -87,7 +87,7 @@ def test_the_usual_robot() -> None:
 def test_odometry_from_tf_where_there_is_no_topic_or_when_asked() -> None:
     for container, asked in ((_robot(odometry=()), None), (_robot(), "tf")):
         recording = container.recording()
-        planar = planar_input(recording, odom_topic=asked)
+        planar = planar_run(recording, odom_topic=asked)
         assert planar.picks.odometry == "tf"
         assert planar.odometry is not None
         np.testing.assert_allclose(planar.odometry.poses[:, 0], 2.0 * np.arange(1, 11))
@@ -98,15 +98,15 @@ def test_odometry_from_tf_where_there_is_no_topic_or_when_asked() -> None:
 
 def test_part_of_the_odometry() -> None:
     for asked in (None, "tf"):
-        planar = planar_input(_robot().recording(), odom_topic=asked, start_s=4.0, duration_s=3.0)
+        planar = planar_run(_robot().recording(), odom_topic=asked, start_s=4.0, duration_s=3.0)
         assert planar.odometry is not None
         assert len(planar.odometry) == (3 if asked is None else 5)
-        assert [scan.stamp_ns // S for scan in planar.scans()] == [5, 6, 7]
+        assert [scan.stamp_ns // S for scan in planar.scans] == [5, 6, 7]
 
 
 def test_no_odometry_is_warned_of() -> None:
     recording = _robot(odometry=(), tf=False).recording()
-    planar = planar_input(recording)
+    planar = planar_run(recording)
     assert planar.odometry is None
     assert planar.picks.base_frame == "laser"
     assert any(warning.startswith("no odometry:") for warning in recording.log.warnings)
@@ -115,7 +115,7 @@ def test_no_odometry_is_warned_of() -> None:
 
 def test_tf_odometry_that_is_not_there_is_an_error() -> None:
     with pytest.raises(RecordingError, match="no odometry in tf: odom -> laser"):
-        planar_input(_robot(tf=False).recording(), odom_topic="tf")
+        planar_run(_robot(tf=False).recording(), odom_topic="tf")
 
 
 def test_ground_truth_is_not_taken_for_odometry() -> None:
@@ -168,12 +168,12 @@ def _mounted(recording: Recording) -> Any:
 
 def test_an_upside_down_scanner() -> None:
     recording = _robot(roll=np.pi).recording()
-    planar = planar_input(recording)
+    planar = planar_run(recording)
     assert planar.mount.upside_down
     assert "laser is mounted upside down: scans are turned" in recording.log.notes
     np.testing.assert_allclose(planar.mount.T_base_laser[2, :3], [0, 0, 1], atol=1e-12)
     # The same points in the base frame, whichever way they are computed.
-    scan, raw = next(planar.scans()), _scan(1)
+    scan, raw = planar.scans[0], _scan(1)
     T = recording.frames().lookup("base_link", "laser")
     expected = {tuple(np.round(T[:2, :2] @ p + T[:2, 3], 6)) for p in _xy(raw)}
     upright = planar.mount.T_base_laser

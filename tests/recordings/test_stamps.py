@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 import pytest
 from memory_recording import MemoryContainer
@@ -140,6 +142,15 @@ def test_backward_and_repeated_stamps_are_kept_and_counted_once() -> None:
         assert [m.stamp_ns / S for m in recording.measurements(["/scan"])] == stamps
     assert log.counts == {"/scan: stamps that run backwards": 1, "/scan: stamps that repeat": 1}
     assert log.warnings == ["/scan: 1 of 5 stamps run backwards, by up to 0.500 s; the recorded order is kept"]
+
+
+def test_a_look_at_the_beginning_tells_nothing() -> None:
+    container = MemoryContainer()
+    for i, stamp in enumerate([2.0, 1.0, 3.0]):
+        container.writer().write("/scan", _scan(stamp), log_time_ns=i * S + S)
+    log = RunLog()
+    assert len(list(islice(container.recording(log=log).measurements(["/scan"]), 2))) == 2
+    assert (log.warnings, dict(log.counts)) == ([], {})
 
 
 def test_unset_stamps_are_log_time_and_said_aloud() -> None:

@@ -141,6 +141,12 @@ def test_figures_are_told(markup):
     assert "rotation error in °" in told
 
 
+def test_inner_figures_stand_under_their_path():
+    told = parse(report({"summary": {"truth": {"ate": {"rmse_m": 0.125}}, "empty": {}}})).text
+    assert "truth ate rmse m" in told
+    assert "0.125" in told
+
+
 def test_changed_parameters_come_first(markup):
     assert markup.index("<code>minimumScore") < markup.index("<code>particles")
     assert "How many &lt;b&gt;." in markup
@@ -172,6 +178,9 @@ def test_empty_and_odd_columns():
 
 
 def test_stages_may_stand_in_a_mapping_of_their_own():
-    markup = report({"timing": {"stages": {"read <1>": 1.0, "match": 3.0}, "total_s": 4.0}})
+    markup = report(
+        {"timing": {"stages_s": {"read <1>": 1.0, "match": 3.0}, "total_s": 4.0, "recording_s": 9.9, "jobs": 2}}
+    )
+    assert "9.9" not in markup.split("</style>")[1].split("<script>")[0]
     assert "read &lt;1&gt;" in markup
     assert "75.0 %" in markup

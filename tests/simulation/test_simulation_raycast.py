@@ -11,6 +11,8 @@ import pytest
 from slamcli.grids import OccupancyGrid
 from slamcli.simulation import World, raycast
 
+pytestmark = pytest.mark.kernels
+
 
 def directions(angles):
     return np.column_stack([np.cos(angles), np.sin(angles)])

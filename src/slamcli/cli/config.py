@@ -38,9 +38,7 @@ def command() -> None:
     help="Native file of the system (launch, YAML); may be given several times, later ones win.",
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="One parameter under its native name.")
-@click.option(
-    "--arg", "arguments", multiple=True, metavar="NAME:=VALUE", help="Value for an argument of a launch file."
-)
+@click.option("--arg", "arguments", multiple=True, metavar="NAME=VALUE", help="Value for an argument of a launch file.")
 @click.option("--changed", is_flag=True, help="Only parameters that were given.")
 @json_option
 def show_command(
@@ -95,10 +93,10 @@ def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_jso
 def _launch_arguments(texts: Sequence[str]) -> dict[str, str]:
     arguments = {}
     for text in texts:
-        name, separator, value = text.partition(":=")
-        if not separator or not name:
-            raise click.BadParameter(f"{text!r}: write NAME:=VALUE", param_hint="--arg")
-        arguments[name] = value
+        name, separator, value = text.partition("=")
+        if not separator or not name.rstrip(":"):
+            raise click.BadParameter(f"{text!r}: write NAME=VALUE", param_hint="--arg")
+        arguments[name.rstrip(":")] = value  # roslaunch writes NAME:=VALUE
     return arguments
 
 

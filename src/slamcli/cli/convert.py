@@ -75,7 +75,7 @@ def command(
     as_json: bool,
     verbosity: int,
 ) -> int:
-    r"""Convert recordings and classic logs between formats.
+    """Convert recordings and classic logs between formats.
 
     SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording) or a classic log
     (CARMEN .log and .clf, BreezySLAM exp*.dat, also gzipped CARMEN). DST is named .bag (ROS 1), .mcap, .db3, or is a
@@ -85,7 +85,7 @@ def command(
     slamcli convert intel.clf.gz intel.mcap
     slamcli convert drive.bag drive_ros2
     slamcli convert drive_0.bag drive_1.bag drive.mcap --topics /scan,/odom,/tf,/tf_static
-    """
+    """  # noqa: D301 (click wants the character)
     from slamcli.errors import UsageError
     from slamcli.pipelines.convert import Selection, convert
     from slamcli.recordings.breezy import BreezyOptions

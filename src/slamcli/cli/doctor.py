@@ -37,7 +37,10 @@ def command(bags: tuple[Path, ...], as_json: bool, mends: Mends, verbosity: int)
 
     with Console(verbosity) as console:
         log = RunLog(console)
-        with open_recording(bags, mends=mends, log=log) as recording, log.stage("reading"):
+        with (
+            open_recording(bags, mends=mends, log=log) as recording,
+            log.stage("reading", (recording.end_ns - recording.start_ns) / 1e9),
+        ):
             diagnosis = diagnose(recording)
     if as_json:
         print_json(_document(diagnosis))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
@@ -137,6 +138,19 @@ def _normalise(token: str) -> str:
     help="Relations: largest distance in time to the nearest pose, seconds.",
 )
 @click.option(
+    "--map-align",
+    type=click.Choice(["search", "refine", "none"]),
+    default="search",
+    show_default=True,
+    help="Maps: search all poses, refine from where they are, or leave them there.",
+)
+@click.option(
+    "--tolerance",
+    type=float,
+    metavar="M",
+    help="Maps: distance up to which walls are the same; default: 0.1 m, or two cells if that is more.",
+)
+@click.option(
     "--max",
     "upper",
     multiple=True,
@@ -192,7 +206,9 @@ def command(
     thresholds += [parse_threshold(text, upper=False) for text in lower]
     with Console(verbosity) as console:
         log = RunLog(console)
-        request = Request(estimate=estimate, reference=reference, options=options)
+        context = click.get_current_context()
+        given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+        request = Request(estimate=estimate, reference=reference, options=options, given=frozenset(given))
         score = run_request(request, log)
         verdicts = judge(score.figures(), thresholds)
         document = {"estimate": estimate, "reference": reference} | score.as_dict()

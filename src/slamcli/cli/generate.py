@@ -98,6 +98,7 @@ def _document(made: Any) -> dict[str, Any]:
         "path": str(made.path),
         "truth": None if made.truth is None else str(made.truth),
         "map": None if made.map is None else str(made.map),
+        "record": str(made.record),
         "seed": made.seed,
         "duration_s": made.duration_s,
         "length_m": made.length_m,

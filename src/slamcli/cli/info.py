@@ -39,9 +39,18 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
 
     with Console(verbosity) as console:
         log = RunLog(console)
-        with open_recording(bags, mends=mends, log=log) as recording, log.stage("reading"):
+        with (
+            open_recording(bags, mends=mends, log=log) as recording,
+            log.stage("reading", (recording.end_ns - recording.start_ns) / 1e9),
+        ):
             summary = summarise(recording, full=full)
-        console.tell(log)
+        # Damage and contradicting frames are part of the answer: they are not said twice.
+        answered = {*summary.contents.damage, *(f"tf: {problem}" for problem in summary.frames.problems)}
+        for note in log.notes:
+            console.say(note)
+        for warning in log.warnings:
+            if warning not in answered:
+                console.warn(warning)
     if as_json:
         print_json(_document(summary, log))
     else:
@@ -51,6 +60,7 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
 
 def _document(summary: RecordingSummary, log: RunLog) -> dict[str, Any]:
     contents = summary.contents
+    installed = _installed()
     return {
         "files": [str(path) for path in contents.paths],
         "format": contents.format,
@@ -66,11 +76,25 @@ def _document(summary: RecordingSummary, log: RunLog) -> dict[str, Any]:
         "frames": _frames_document(summary.frames),
         "calibration": [_camera_document(camera) for camera in summary.cameras],
         "tiers": [
-            {"tier": fit.tier, "runs": fit.runs, "mode": fit.mode, "topics": dict(fit.topics)} for fit in summary.tiers
+            {
+                "tier": fit.tier,
+                "runs": fit.runs,
+                "installed": fit.tier in installed,
+                "mode": fit.mode,
+                "topics": dict(fit.topics),
+            }
+            for fit in summary.tiers
         ],
         "notes": log.notes,
         "warnings": log.warnings,
     }
+
+
+def _installed() -> set[str]:
+    """Return the names of the tiers that are installed."""
+    from importlib.metadata import entry_points
+
+    return {point.name for point in entry_points(group="slamcli.mappers")}
 
 
 def _topic_document(topic: TopicSummary) -> dict[str, Any]:
@@ -126,9 +150,11 @@ def _text(summary: RecordingSummary) -> str:
         )
     lines += ["", *_topic_lines(summary.topics), "", *_frame_lines(summary.frames)]
     lines += ["", "runs on it"]
+    installed = _installed()
     for fit in summary.tiers:
         topics = ", ".join(f"{role} {topic}" for role, topic in fit.topics.items())
-        lines.append(f"  {fit.tier:13} {('yes: ' if fit.runs else 'no: ') + fit.mode}" + f" ({topics})" * bool(topics))
+        line = f"  {fit.tier:13} {'yes' if fit.runs else 'no'}: {fit.mode}" + f" ({topics})" * bool(topics)
+        lines.append(line + "; not installed" * (fit.runs and fit.tier not in installed))
     return "\n".join(lines)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
 from slamcli.cli.points import PointsCommand, parse_point
@@ -82,6 +83,8 @@ def command(
     points = [parse_point(role, text) for role, text in (("start", start), ("goal", goal)) if text is not None]
     with Console(verbosity) as console:
         log = RunLog(console)
+        if not kernel_cache.is_filled("navigation"):
+            console.say("compiling the planners (once on this machine; slamcli warmup does it beforehand)")
         pairs = _read_pairs(pairs_path)
         site = load_site(map_path, planner=planner, costmap_files=costmaps, settings=settings, log=log)
         if pairs:

@@ -9,6 +9,7 @@ M. Grupp, "evo: Python package for the evaluation of odometry and SLAM", https:/
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,15 +105,28 @@ def relative_errors(
         If no two poses are `delta` apart.
     """
     _check_paired(reference, estimate)
-    pairs = find_pairs(
-        reference if pairs_from_reference else estimate, delta, unit, all_pairs=all_pairs, rel_tol=rel_tol
-    )
-    if relation in _POINTS:
-        return _distance_errors(reference, estimate, relation, pairs)
+    source = reference if pairs_from_reference else estimate
+    pairs = find_pairs(source, delta, unit, all_pairs=all_pairs, rel_tol=rel_tol)
+    return pair_errors(reference, estimate, pairs, (relation,))[0]
+
+
+def pair_errors(
+    reference: Trajectory, estimate: Trajectory, pairs: Pairs, relations: Sequence[PoseRelation]
+) -> tuple[PoseErrors, ...]:
+    """Return the relative errors over given pairs (K, 2), measured in several ways; see :func:`relative_errors`."""
     first, second = pairs.T
-    motion_reference = _motions(reference.transforms, first, second)
-    motion_estimate = _motions(estimate.transforms, first, second)
-    return PoseErrors(relation, measure(se3.inverse(motion_reference) @ motion_estimate, relation), second)
+    error_poses = None
+    found = []
+    for relation in relations:
+        if relation in _POINTS:
+            found.append(_distance_errors(reference, estimate, relation, pairs))
+            continue
+        if error_poses is None:
+            motion_reference = _motions(reference.transforms, first, second)
+            motion_estimate = _motions(estimate.transforms, first, second)
+            error_poses = se3.inverse(motion_reference) @ motion_estimate
+        found.append(PoseErrors(relation, measure(error_poses, relation), second))
+    return tuple(found)
 
 
 def measure(error_poses: NDArray[np.float64], relation: PoseRelation) -> NDArray[np.float64]:

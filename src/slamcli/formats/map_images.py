@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""The pictures that maps are kept in: PGM without any library, everything else through OpenCV."""
+"""The pictures that maps are kept in: PGM without any library, everything else through Pillow."""
 
 from __future__ import annotations
 
+import io
 import re
+import struct
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +22,10 @@ MAX_PIXELS = 2**28
 _MAX_FILE_BYTES = 2**30
 _MAX_PNM_HEADER_BYTES = 1 << 16
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*(?:\n|$))*([^\s#]+)")
-_SUFFIXES = (".pgm", ".png", ".bmp", ".tif", ".tiff", ".webp")
+_NAMES = {".png": "PNG", ".bmp": "BMP", ".tif": "TIFF", ".tiff": "TIFF", ".webp": "WEBP"}
+_OPTIONS: dict[str, dict[str, Any]] = {".webp": {"lossless": True, "exact": True}, ".png": {"compress_level": 2}}
+_SUFFIXES = (".pgm", *_NAMES)
+_PILLOW_FORMATS = ("PNG", "BMP", "TIFF", "WEBP", "JPEG", "GIF", "PPM")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +48,7 @@ class MapImage:
 def read_image(path: Path) -> MapImage:
     """Read the picture of a map.
 
-    PGM (P2, P5; any maxval up to 65535) is decoded here, everything else by OpenCV. Values are brought to 0..255 as
+    PGM (P2, P5; any maxval up to 65535) is decoded here, everything else by Pillow. Values are brought to 0..255 as
     SDL_image does: ``value * 255 // maxval`` for 8 bits; 16 bits are rounded.
 
     Raises
@@ -61,7 +67,7 @@ def read_image(path: Path) -> MapImage:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from error
     if data[:2] in (b"P2", b"P5"):
         return MapImage(_decode_pgm(data, path).astype(np.uint16), 1)
-    return _decode_with_opencv(data, path)
+    return _decode_with_pillow(data, path)
 
 
 def write_image(path: Path, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None, comment: str = "") -> None:
@@ -81,7 +87,7 @@ def write_image(path: Path, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | 
         note = f"# {comment}\n" if comment else ""
         encoded = f"P5\n{note}{grey.shape[1]} {grey.shape[0]}\n255\n".encode("ascii") + grey.tobytes()
     else:
-        encoded = _encode_with_opencv(suffix, grey, alpha)
+        encoded = _encode_with_pillow(suffix, grey, alpha)
     with atomic_file(path, "wb") as stream:
         stream.write(encoded)
 
@@ -153,28 +159,36 @@ def _check_size(width: int, height: int, num_channels: int, path: Path) -> None:
         raise FormatError(f"{path}: {width} x {height} pixels: no map has this size (limit: {MAX_PIXELS} values)")
 
 
-def _decode_with_opencv(data: bytes, path: Path) -> MapImage:
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) > 26:
-        _check_size(int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"), 1, path)
-    elif data[:2] == b"BM" and len(data) > 26:
-        size = [abs(int.from_bytes(data[i : i + 4], "little", signed=True)) for i in (18, 22)]
-        _check_size(size[0], size[1], 1, path)
-    import cv2
+def _decode_with_pillow(data: bytes, path: Path) -> MapImage:
+    from PIL import Image, UnidentifiedImageError
 
     try:
-        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    except cv2.error as error:
-        raise FormatError(f"{path}: not a picture that can be read ({str(error.err)[:80]})") from error
-    if decoded is None:
-        raise FormatError(f"{path}: not a picture that can be read, or cut short")
-    pixels = np.asarray(decoded)
-    if pixels.dtype == np.uint16:
-        pixels = _to_bytes(pixels, 65535)
-    if pixels.dtype != np.uint8:
-        raise FormatError(f"{path}: pixels are {pixels.dtype}, not 8 or 16 bits")
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and b"IEND" not in data[-64:]:
-        raise FormatError(f"{path}: cut short: the PNG has no end")
+        with warnings.catch_warnings():
+            # Pillow warns of large pictures and odd tags; the size is checked here, before anything is decoded.
+            warnings.simplefilter("ignore")
+            with Image.open(io.BytesIO(data), formats=_PILLOW_FORMATS) as image:
+                _check_size(*image.size, 1, path)
+                pixels = _pixels(image)
+    except Image.DecompressionBombError as error:
+        raise FormatError(f"{path}: no map has this size ({' '.join(str(error).split())[:60]})") from error
+    except UnidentifiedImageError as error:
+        raise FormatError(f"{path}: not a picture that can be read ({', '.join(_PILLOW_FORMATS)}, PGM)") from error
+    except (OSError, SyntaxError, ValueError, IndexError, KeyError, TypeError, EOFError, struct.error) as error:
+        raise FormatError(
+            f"{path}: the picture is damaged or cut short ({' '.join(str(error).split())[:80]})"
+        ) from error
     return _split_channels(pixels, path)
+
+
+def _pixels(image: Any) -> NDArray[np.uint8]:
+    """Return the pixels as map servers get them: palettes resolved, 16 bits brought to 8."""
+    if image.mode.startswith("I"):
+        return _to_bytes(np.clip(np.asarray(image, dtype=np.int64), 0, 65535), 65535)
+    if image.mode == "P":
+        image = image.convert("RGBA" if "transparency" in image.info else "RGB")
+    elif image.mode not in ("L", "LA", "RGB", "RGBA"):
+        image = image.convert("L" if image.mode == "1" else "RGB")
+    return np.array(image, dtype=np.uint8)
 
 
 def _split_channels(pixels: NDArray[np.uint8], path: Path) -> MapImage:
@@ -188,12 +202,14 @@ def _split_channels(pixels: NDArray[np.uint8], path: Path) -> MapImage:
     return MapImage(pixels[:, :, :colours].sum(axis=2, dtype=np.uint16), colours, alpha)
 
 
-def _encode_with_opencv(suffix: str, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None) -> bytes:
-    import cv2
+def _encode_with_pillow(suffix: str, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None) -> bytes:
+    from PIL import Image
 
     pixels = grey if alpha is None else np.dstack([grey, grey, grey, alpha])
-    options = [cv2.IMWRITE_WEBP_QUALITY, 101] if suffix == ".webp" else []
-    done, encoded = cv2.imencode(suffix, pixels, options)
-    if not done:
-        raise UsageError(f"a {suffix} picture of {grey.shape[1]} x {grey.shape[0]} pixels cannot be written")
-    return bytes(encoded)
+    stream = io.BytesIO()
+    options = _OPTIONS.get(suffix, {})
+    try:
+        Image.fromarray(pixels).save(stream, _NAMES[suffix], **options)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"a {suffix} picture of {grey.shape[1]} x {grey.shape[0]} pixels cannot be written") from error
+    return stream.getvalue()

@@ -22,7 +22,7 @@ class TiledMaps:
     """Hit and visit counts of `num_maps` maps over one common extent that grows by itself.
 
     A tile is 32 x 32 cells of float32 (visits, hits, mean hit x, mean hit y from the cell's lower left corner); see
-    `_kernels`. Tile 0 is empty and belongs to nobody. Writing is done in three steps, of which only the middle one (who
+    `_kernels`. Tile 0 is empty and belongs to nobody. Writing is done in four steps, of which only the second one (who
     owns which tile) is serial, so the result does not depend on the number of threads.
     """
 
@@ -88,12 +88,17 @@ class TiledMaps:
         self._in_chunks(mark, len(indices))
         copies = self._own(indices, touched)
 
-        def write(chunk: range) -> None:
+        def copy(chunk: range) -> None:
             for k in chunk:
                 for source, target in copies[k]:
                     self.cells[target] = self.cells[source]
+
+        def write(chunk: range) -> None:
+            for k in chunk:
                 _kernels.register(self.cells, self.tables[indices[k]], ox, oy, self.delta, start, ends, hit, poses[k])
 
+        # All copies before the first write: the last owner of a shared tile writes to the tile that the others copy.
+        self._in_chunks(copy, len(indices))
         self._in_chunks(write, len(indices))
 
     def resample(self, parents: NDArray[np.int64]) -> None:

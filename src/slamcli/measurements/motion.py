@@ -19,6 +19,8 @@ def _check_pose(what: str, stamp_ns: int, position: NDArray[np.float64], quat_xy
         )
     if not (np.isfinite(position).all() and np.isfinite(quat_xyzw).all()):
         raise DataError(f"{what} at {stamp_ns} ns: pose is not finite")
+    if np.abs(position).max() > 1e15:
+        raise DataError(f"{what} at {stamp_ns} ns: position is farther away than 1e15 m")
 
 
 def _zeros() -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import PlanningError
 from slamcli.grids.distance import least_distance
+from slamcli.navigation import grid_search, navfn, path_shape
 from slamcli.navigation.costmap import NO_INFORMATION, Costmap
 from slamcli.navigation.endpoints import Endpoint, Endpoints, NoPathError
 from slamcli.navigation.grid_search import GridSearch
@@ -103,6 +104,15 @@ class GlobalPlanner:
                 return self._plan(start, goal, allow_unknown=True)
             except NoPathError as any_way:
                 raise (known if known.status == any_way.status else any_way) from None
+
+    def prepare(self) -> None:
+        """Load compiled code and prepare the search space now, so that the first query is as fast as the next."""
+        self._finder(bool(self.parameters.allow_unknown))
+        if self.method == "navfn":
+            navfn.warm()
+        else:
+            grid_search.warm()
+        path_shape.warm()
 
     def prepare_for_many(self) -> None:
         """Do now what makes many queries faster; a single one is not worth it."""

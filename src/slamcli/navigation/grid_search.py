@@ -12,10 +12,10 @@ from slamcli.errors import PlanningError
 from slamcli.navigation import _search_kernels as kernels
 from slamcli.navigation.search_space import Cell, SearchSpace, sample_space
 
-_BUCKET = 0.5
+_BUCKET = 0.25
 _MAX_BUCKETS = 1 << 20
-_NUM_LANDMARKS = 8
-_MAX_LANDMARK_CELLS = 1 << 22
+_NUM_LANDMARKS = 16
+_MAX_LANDMARK_CELLS = 1 << 21
 
 
 class GridSearch:
@@ -49,7 +49,7 @@ class GridSearch:
         self._landmarks = np.empty((size, 0), dtype=np.float64)
 
     def prepare(self) -> None:
-        """Spend the time of about eight full searches to make A* faster from now on (worth it for many queries).
+        """Spend the time of about sixteen full searches to make A* faster from now on (worth it for many queries).
 
         Landmarks are cells far from each other in the largest region; the costs from them to all cells bound the cost
         between any two from below, much closer than the octile distance does in mazes and buildings.

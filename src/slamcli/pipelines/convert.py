@@ -222,7 +222,8 @@ class _Copy:
             for number, message in enumerate(reader.messages(wanted, start_ns, stop_ns)):
                 if number % _PROGRESS_EVERY == 0:
                     self._log.progress.update((message.log_time_ns - first_ns) / 1e9)
-                self._copy(message, channels)
+                if message.channel in channels:
+                    self._copy(message, channels)
         for topic, count in self._lost.items():
             self._log.warn(
                 f"{topic}: {count} messages are not what their type says and are left out ({self._first_loss[topic]})"
@@ -235,16 +236,29 @@ class _Copy:
             if not self._selection.chooses(topic.name):
                 continue
             if topic.encoding != self._encoding and self._must_transcode(topic):
-                transcoder = Transcoder(topic, self._encoding)
-                if transcoder.migrates:
-                    self._log.warn(
-                        f"{topic.name}: {topic.msgtype} differs between ROS 1 and ROS 2; fields of the same name are kept"
-                    )
+                transcoder = self._transcoder(topic)
+                if transcoder is None:
+                    continue
                 self._transcoders[channel] = transcoder
                 topic = transcoder.topic
             channels[channel] = len(channels)
             self._writer.add_topic(topic)
         return channels
+
+    def _transcoder(self, topic: Topic) -> Transcoder | None:
+        """Return what changes the topic's encoding; None for a topic that cannot be changed, but is empty."""
+        try:
+            transcoder = Transcoder(topic, self._encoding)
+        except RecordingError as error:
+            if topic.count == 0:
+                self._log.warn(f"{error}; it is empty and left out")
+                return None
+            raise RecordingError(f"{error}; leave it out with --exclude-topics {topic.name}") from error
+        if transcoder.migrates:
+            self._log.warn(
+                f"{topic.name}: {topic.msgtype} differs between ROS 1 and ROS 2; fields of the same name are kept"
+            )
+        return transcoder
 
     def _must_transcode(self, topic: Topic) -> bool:
         # Plain MCAP holds any encoding: json and protobuf pass as they are.

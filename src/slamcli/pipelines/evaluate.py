@@ -20,9 +20,10 @@ from slamcli.evaluation import (
     RelationsResult,
     absolute_errors,
     align,
+    find_pairs,
+    pair_errors,
     project,
     relation_errors,
-    relative_errors,
 )
 from slamcli.evaluation.segments import (
     KITTI_LENGTHS_M,
@@ -370,23 +371,21 @@ def _absolute(ref: Trajectory, aligned: Trajectory, options: ErrorOptions) -> di
 def _relative(ref: Trajectory, aligned: Trajectory, options: ErrorOptions, log: RunLog) -> dict[str, Any]:
     if "rpe" not in options.parts:
         return {}
-    pairs: dict[str, Any] = {
-        "delta": options.delta,
-        "unit": options.delta_unit,
-        "all_pairs": options.all_pairs,
-        "rel_tol": options.delta_tol,
-        "pairs_from_reference": options.pairs_from_reference,
-    }
     try:
-        return {
-            "rpe": relative_errors(ref, aligned, options.relation, **pairs),
-            "rpe_rot": relative_errors(ref, aligned, PoseRelation.ANGLE_DEG, **pairs),
-        }
+        pairs = find_pairs(
+            ref if options.pairs_from_reference else aligned,
+            options.delta,
+            options.delta_unit,
+            all_pairs=options.all_pairs,
+            rel_tol=options.delta_tol,
+        )
+        rpe, rpe_rot = pair_errors(ref, aligned, pairs, (options.relation, PoseRelation.ANGLE_DEG))
     except EstimationError as error:
         if options.parts == ("rpe",):
             raise
         log.warn(f"no relative error: {error}")
         return {}
+    return {"rpe": rpe, "rpe_rot": rpe_rot}
 
 
 def _segments(

@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 import platform
-import sys
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +14,17 @@ from numpy.typing import NDArray
 
 from slamcli import __version__
 from slamcli.errors import UsageError
+from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.outputs import atomic_directory, atomic_file
 from slamcli.pipelines.evaluate import RelationsScore, TrajectoryScore
+from slamcli.pipelines.evaluate_map import MapScore
 from slamcli.pipelines.evaluation_request import Request, Score
+from slamcli.pipelines.run_record import describe_inputs, to_json
 from slamcli.pipelines.trajectories import parse_source
 from slamcli.runtime import RunLog, peak_memory_bytes
 
-_BLOCK = 1 << 20
+_LIBRARIES = ("numpy", "scipy")
 
 
 def write_outputs(
@@ -52,7 +52,7 @@ def write_outputs(
 
 def draw(score: Score) -> bytes:
     """Return a PNG of what was compared and of its errors."""
-    from slamcli.reports.evaluation_plot import Series, relations_plot, trajectory_plot
+    from slamcli.reports.evaluation_plot import Series, map_plot, relations_plot, trajectory_plot
 
     if isinstance(score, RelationsScore):
         result, trajectory = score.result, score.trajectory
@@ -62,6 +62,9 @@ def draw(score: Score) -> bytes:
             Series("rotation in deg", at, np.degrees(result.rot_rad)),
         ]
         return relations_plot(trajectory, rows)
+    if isinstance(score, MapScore):
+        errors = score.errors
+        return map_plot(score.walls_m, errors.to_reference_m, score.reference.walls_m, errors.to_map_m)
     if not isinstance(score, TrajectoryScore):
         raise UsageError("there is no plot of this kind of score")
     reference = score.reference
@@ -85,14 +88,14 @@ def _write_folder(
 ) -> None:
     with atomic_directory(output) as folder:
         (folder / "plot.png").write_bytes(picture)
-        (folder / "evaluation.json").write_text(_json(document), encoding="utf-8")
+        (folder / "evaluation.json").write_text(to_json(document), encoding="utf-8")
         if isinstance(score, TrajectoryScore):
             write_tum(folder / "aligned.tum", score.aligned)
             _write_errors(folder / "errors.csv", score)
         elif isinstance(score, RelationsScore):
             _write_relation_errors(folder / "errors.csv", score)
         outputs = sorted([*(path.name for path in folder.iterdir()), "run.json"])
-        (folder / "run.json").write_text(_json(_run_record(request, log, outputs)), encoding="utf-8")
+        (folder / "run.json").write_text(to_json(_run_record(request, score, log, outputs)), encoding="utf-8")
 
 
 def _write_errors(path: Path, score: TrajectoryScore) -> None:
@@ -125,40 +128,23 @@ def _write_relation_errors(path: Path, score: RelationsScore) -> None:
             stream.write(f"{first},{second},{trans!r},{rot!r}\n")
 
 
-def _run_record(request: Request, log: RunLog, outputs: list[str]) -> dict[str, Any]:
+def _run_record(request: Request, score: Score, log: RunLog, outputs: list[str]) -> dict[str, Any]:
+    paths = [parse_source(text).path for text in (request.estimate, request.reference)]
+    if isinstance(score, MapScore):
+        paths += [read_map(path).image for path in paths]
     return {
+        "slamcli": __version__,
         "command": "evaluate",
-        "version": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "platform": sys.platform,
         "estimate": request.estimate,
         "reference": request.reference,
-        "options": dict(request.options),
-        "inputs": [_described(text) for text in (request.estimate, request.reference)],
-        "counts": dict(log.counts),
+        "inputs": describe_inputs(paths),
+        "parameters": dict(request.options),
+        "summary": score.figures(),
+        "counts": dict(sorted(log.counts.items())),
         "warnings": log.warnings,
         "notes": log.notes,
-        "seconds": log.seconds,
-        "peak_memory_bytes": peak_memory_bytes(),
+        "versions": {"python": platform.python_version()} | {name: metadata.version(name) for name in _LIBRARIES},
         "outputs": outputs,
+        "timing": {"stages_s": {name: round(seconds, 3) for name, seconds in log.seconds.items()}},
+        "peak_memory_bytes": peak_memory_bytes(),
     }
-
-
-def _described(text: str) -> dict[str, Any]:
-    path = parse_source(text).path
-    if not path.is_file():
-        return {"path": os.fspath(path)}
-    digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        while block := stream.read(_BLOCK):
-            digest.update(block)
-    return {"path": os.fspath(path), "size_bytes": path.stat().st_size, "sha256": digest.hexdigest()}
-
-
-def _json(document: Mapping[str, Any]) -> str:
-    return json.dumps(document, indent=2, default=_plain) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -13,10 +13,16 @@ from slamcli.errors import FormatError, UsageError
 from slamcli.evaluation import AlignMode, DeltaUnit, PoseRelation
 from slamcli.formats.relations import looks_like_relations
 from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_relations, evaluate_trajectory
+from slamcli.pipelines.evaluate_map import evaluate_map
 from slamcli.pipelines.trajectories import is_recording, parse_source
 from slamcli.runtime import RunLog
 
 _PARTS = ("ape", "rpe", "segments")
+_OPTION_NAMES = {"metrics": "metric", "segment_lengths": "segment_length"}
+_LONGEST_OFFSET_S = 1e11
+_FOR_RELATIONS = {"max_gap", "times", "time_unit"}
+_KIND_NAMES = {"trajectory": "a trajectory", "relations": "a relations file", "map": "a map"}
+_FOR_MAPS = {"map_align", "tolerance"}
 
 
 class Score(Protocol):
@@ -37,6 +43,8 @@ class Request:
     reference: str
     options: Mapping[str, Any]
     """Options by the names that ``slamcli evaluate`` gives them, underscores instead of hyphens."""
+    given: frozenset[str] = frozenset()
+    """Options that the user gave: those without a meaning for what is measured are told."""
 
 
 def run_request(request: Request, log: RunLog) -> Score:
@@ -51,6 +59,7 @@ def run_request(request: Request, log: RunLog) -> Score:
     """
     options = request.options
     kind = options["mode"] if options["mode"] != "auto" else find_kind(request.reference)
+    _tell_meaningless(request, kind, log)
     _check_times(options, kind, request)
     if kind == "relations":
         return evaluate_relations(
@@ -59,6 +68,14 @@ def run_request(request: Request, log: RunLog) -> Score:
             max_gap_s=_positive(options["max_gap"], "--max-gap"),
             estimate_times=options["times"],
             time_unit=options["time_unit"],
+            log=log,
+        )
+    if kind == "map":
+        return evaluate_map(
+            request.estimate,
+            request.reference,
+            registration=options["map_align"],
+            tolerance_m=options["tolerance"],
             log=log,
         )
     is_kitti = _is_untimed(request.estimate), _is_untimed(request.reference)
@@ -120,7 +137,7 @@ def _match_options(options: Mapping[str, Any]) -> MatchOptions:
     motion = options["motion_filter"]
     return MatchOptions(
         max_diff_s=_positive(options["t_max_diff"], "--t-max-diff"),
-        offset_s=options["t_offset"],
+        offset_s=_finite(options["t_offset"], "--t-offset"),
         method=options["sync_method"],
         start_s=options["t_start"],
         end_s=options["t_end"],
@@ -156,6 +173,13 @@ def _check_times(options: Mapping[str, Any], kind: str, request: Request) -> Non
         raise UsageError("--times gives stamps to KITTI files, and there is none here")
 
 
+def _tell_meaningless(request: Request, kind: str, log: RunLog) -> None:
+    others = {"relations": _FOR_RELATIONS, "map": _FOR_MAPS}
+    wanted = others.get(kind, set(request.options) - _FOR_MAPS - {"max_gap"}) | {"mode"}
+    for name in sorted(request.given & (set(request.options) - wanted)):
+        log.warn(f"--{_OPTION_NAMES.get(name, name).replace('_', '-')} has no meaning here: REF is {_KIND_NAMES[kind]}")
+
+
 def _is_untimed(text: str) -> bool:
     """Return whether a source is a KITTI file; whatever is wrong with a file is said where it is read."""
     from slamcli.formats.trajectories import find_format
@@ -167,6 +191,12 @@ def _is_untimed(text: str) -> bool:
         return find_format(source.path) == "kitti"
     except FormatError:
         return False
+
+
+def _finite(value: float, option: str) -> float:
+    if not math.isfinite(value) or abs(value) > _LONGEST_OFFSET_S:
+        raise UsageError(f"{option} {value:g} is no offset between clocks")
+    return value
 
 
 def _positive(value: float, option: str) -> float:

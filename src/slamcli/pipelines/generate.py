@@ -15,12 +15,14 @@ from slamcli.formats.maps import read_map, write_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import FrameTransform
+from slamcli.outputs import atomic_file
 from slamcli.parameters import as_dict
+from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
 from slamcli.recordings import RecordingWriter, create_recording
 from slamcli.runtime import RunLog
 from slamcli.simulation import Message, Simulation, World, is_world_file, load_world, resolve_settings
 from slamcli.simulation.builtin import find_world
-from slamcli.simulation.simulate import STATIC_TOPIC
+from slamcli.simulation.simulate import BASE_FRAME, MAP_FRAME, ODOM_FRAME, STATIC_TOPIC
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +33,8 @@ class Generated:
     path: Path
     truth: Path | None
     map: Path | None
+    record: Path
+    """The run's record, OUT's name with ``.run.json``."""
     seed: int
     duration_s: float
     length_m: float
@@ -64,7 +68,7 @@ def generate(
     compression: str | None = None,
     log: RunLog | None = None,
 ) -> Generated:
-    """Simulate a robot in `world` and write what its sensors say to `path`.
+    """Simulate a robot in `world` and write what its sensors say to `path`, and a record of the run beside it.
 
     Parameters
     ----------
@@ -98,7 +102,8 @@ def generate(
     """
     log = log or RunLog()
     place = open_world(world)
-    _check_outputs(find_world(world), path, truth, map_path)
+    record_path = Path(path).with_suffix(".run.json")
+    _check_outputs(find_world(world), path, record_path, truth, map_path)
     if start is not None:
         place = dataclasses.replace(place, start=start)
     parameters = resolve_settings(place.settings, settings or {})
@@ -114,9 +119,10 @@ def generate(
                 write_map(Path(map_path), simulation.true_map())
     if parameters.slip_count > len(simulation.slips_s):
         log.warn(f"slip.count={parameters.slip_count}: only {len(simulation.slips_s)} episodes fit into the recording")
-    return Generated(
+    made = Generated(
         world=place.name,
         path=Path(path),
+        record=record_path,
         truth=None if truth is None else Path(truth),
         map=None if map_path is None else Path(map_path),
         seed=seed,
@@ -126,6 +132,34 @@ def generate(
         slips_s=tuple((float(a), float(b)) for a, b in simulation.slips_s),
         settings=as_dict(parameters),
         seconds=sum(log.seconds.values()),
+    )
+    with atomic_file(record_path) as stream:
+        stream.write(to_json(_run_record(made, find_world(world), settings or {}, log)))
+    return made
+
+
+def _run_record(made: Generated, world: Path, changed: Mapping[str, Any], log: RunLog) -> dict[str, Any]:
+    outputs = [made.path, made.record, *(p for p in (made.truth, made.map) if p is not None)]
+    return run_document(
+        command="generate",
+        algo="simulation",
+        parameters=made.settings,
+        changed=changed,
+        seed=made.seed,
+        jobs=1,
+        inputs=describe_inputs([world]),
+        topics=made.messages,
+        frames={"map": MAP_FRAME, "odom": ODOM_FRAME, "base": BASE_FRAME},
+        log=log,
+        total_s=made.seconds,
+        duration_s=made.duration_s,
+        summary={
+            "world": made.world,
+            "duration_s": made.duration_s,
+            "length_m": made.length_m,
+            "slips_s": made.slips_s,
+        },
+        outputs=[path.name for path in outputs],
     )
 
 

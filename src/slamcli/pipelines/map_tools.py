@@ -229,7 +229,7 @@ def check_limits(found: GridDifference, limits: Mapping[str, float]) -> None:
 
 
 def draw_difference(found: GridDifference, target: str | os.PathLike[str]) -> Path:
-    """Write a PNG of a comparison: vermilion is newly occupied, blue newly free, pale green newly known, orange lost."""
+    """Write a PNG of what is known in either map: vermilion is newly occupied, blue newly free, pale green newly known, orange lost."""
     from slamcli.reports import scales
     from slamcli.reports.figures import raster
 
@@ -246,7 +246,10 @@ def draw_difference(found: GridDifference, target: str | os.PathLike[str]) -> Pa
     first_row = [free, scales.VERMILION, pale, pale]
     colours = [*first_row, scales.BLUE, occupied, scales.ORANGE, scales.ORANGE, light, scales.GREEN, unknown, unknown]
     image = np.array(colours, dtype=np.uint8)[found.states[::-1]]
-    grow = max(1, 600 // max(image.shape[:2]))
+    rows, columns = np.nonzero(found.states[::-1] % 4 + found.states[::-1] // 4 < 4)  # not unknown in both
+    if len(rows):
+        image = image[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    grow = max(1, 800 // max(image.shape[:2]))
     with atomic_file(target, "wb") as stream:
         stream.write(raster.png(image.repeat(grow, axis=0).repeat(grow, axis=1)))
     return target

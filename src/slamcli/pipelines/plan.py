@@ -19,7 +19,8 @@ from slamcli.navigation.costmap_files import NavigationSettings, read_settings
 from slamcli.navigation.costmap_parameters import CostmapParameters
 from slamcli.navigation.endpoints import NoPathError
 from slamcli.navigation.global_planner import METHODS, GlobalPlanner, Method, PlannedPath
-from slamcli.parameters import as_dict
+from slamcli.navigation.planner_parameters import PlannerParameters
+from slamcli.parameters import as_dict, declarations
 from slamcli.runtime import RunLog
 
 _FROM_OPTIONS = "--set"
@@ -48,6 +49,11 @@ class PlanningSite:
             "circumscribed_radius_m": costmap.circumscribed_radius_m,
         }
 
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """Every parameter's default by name."""
+        return {d.name: d.default for kind in (CostmapParameters, PlannerParameters) for d in declarations(kind)}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Answer:
@@ -62,7 +68,7 @@ class Answer:
     path: PlannedPath | None = None
     failure: NoPathError | None = None
 
-    def document(self, *, points: bool = False) -> dict[str, Any]:
+    def document(self, *, points: bool = False, timing: bool = True) -> dict[str, Any]:
         """Return the answer as JSON has it; `points` adds the path itself as ``[x, y, yaw]``."""
         found: dict[str, Any] = {"status": self.status, "start": list(self.start), "goal": list(self.goal)}
         if self.path is not None:
@@ -85,7 +91,8 @@ class Answer:
                 "nearest": None if failure.nearest_m is None else list(failure.nearest_m),
                 "distance_m": failure.distance_m if math.isfinite(failure.distance_m) else None,
             }
-        found["time_ms"] = self.time_ms
+        if timing:
+            found["time_ms"] = self.time_ms
         if points and self.path is not None:
             poses = zip(self.path.points_m.tolist(), self.path.yaws_rad.tolist(), strict=True)
             found["path"] = [[x, y, yaw] for (x, y), yaw in poses]
@@ -133,6 +140,8 @@ def load_site(
     with log.stage("costmap"):
         costmap = compute_costmap(map_file.grid, costmap_parameters, from_file=bool(costmap_files))
         site = GlobalPlanner(costmap, planner_parameters, method)
+    with log.stage("prepare"):
+        site.prepare()
     for warning in costmap.warnings:
         log.warn(warning)
     if costmap.circumscribed_radius_m == 0.0 and costmap_parameters.robot_radius is None:

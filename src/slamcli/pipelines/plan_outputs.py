@@ -3,21 +3,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-import platform
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from slamcli import __version__
 from slamcli.errors import UsageError
 from slamcli.outputs import atomic_directory, atomic_file
 from slamcli.pipelines.plan import Answer, PlanningSite, require_path
-from slamcli.runtime import RunLog, peak_memory_bytes
+from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
+from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
 _NS_PER_M = 1_000_000_000
@@ -91,7 +87,7 @@ def _write_csv(target: Path, _site: PlanningSite, answer: Answer) -> None:
 
 def _write_json(target: Path, site: PlanningSite, answer: Answer) -> None:
     with atomic_file(target) as stream:
-        json.dump({"map": str(site.map.path), **answer.document(points=True)}, stream, indent=1)
+        json.dump({"map": str(site.map.path), **answer.document(points=True, timing=False)}, stream, indent=1)
         stream.write("\n")
 
 
@@ -146,25 +142,22 @@ _WRITERS: dict[str, Callable[[Path, PlanningSite, Answer], None]] = {
 
 
 def _write_record(target: Path, site: PlanningSite, answer: Answer, log: RunLog, outputs: Sequence[str]) -> None:
-    document: dict[str, Any] = {
-        "command": "plan",
-        "slamcli": __version__,
-        "python": platform.python_version(),
-        "platform": sys.platform,
-        "inputs": [_identity(p) for p in (site.map.path, site.map.image, *site.costmap_files)],
-        "parameters": site.parameters,
-        "result": answer.document(),
-        "outputs": [*outputs, target.name],
-        "notes": log.notes,
-        "warnings": log.warnings,
-        "seconds": log.seconds,
-        "peak_memory_bytes": peak_memory_bytes(),
-    }
+    changed = {name: value for name, value in site.parameters.items() if value != site.defaults.get(name, value)}
+    document = run_document(
+        command="plan",
+        algo=site.planner.method,
+        parameters=site.parameters,
+        changed=changed,
+        seed=0,
+        jobs=1,
+        inputs=describe_inputs([site.map.path, site.map.image, *site.costmap_files]),
+        topics={},
+        frames={"map": site.costmap_parameters.global_frame},
+        log=log,
+        total_s=sum(log.seconds.values()),
+        duration_s=0.0,
+        summary=answer.document(timing=False),
+        outputs=[*outputs, target.name],
+    )
     with atomic_file(target) as stream:
-        json.dump(document, stream, indent=1)
-        stream.write("\n")
-
-
-def _identity(path: Path) -> dict[str, Any]:
-    data = path.read_bytes()
-    return {"name": str(path), "size_bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+        stream.write(to_json(document))

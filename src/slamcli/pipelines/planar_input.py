@@ -16,11 +16,15 @@ from slamcli.measurements import LaserScan, Measurement, Odometry
 from slamcli.recordings import Recording
 from slamcli.recordings.laser_mount import LaserMount, find_laser_mount
 from slamcli.recordings.odometry_track import read_odometry
-from slamcli.recordings.scan_normalisation import Fan, most_frequent_fan, normalise_scans, turn_counter_clockwise
+from slamcli.recordings.scan_normalisation import (
+    FAN_SAMPLE,
+    Fan,
+    ScanNormaliser,
+    most_frequent_fan,
+    turn_counter_clockwise,
+)
 from slamcli.recordings.topic_picks import TopicPicks, pick_topics
 from slamcli.runtime import RunLog
-
-_FAN_SAMPLE = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,14 +83,18 @@ class PlanarFeed:
             yield from self._odometry_from_tf()
         child_to_base = self._child_to_base()
         began = self.recording.start_ns
+        if self.fan is None:
+            return
+        normaliser = ScanNormaliser(self.fan, mirrored=self.mount.upside_down, log=self.log)
         for measurement in self.recording.measurements(
             topics, start_s=self.start_s, duration_s=self.duration_s, log_order=True
         ):
             if isinstance(measurement, Odometry):
                 yield measurement if child_to_base is None else _moved(measurement, child_to_base)
             else:
-                yield from normalise_scans([measurement], mirrored=self.mount.upside_down, log=self.log, fan=self.fan)
+                yield normaliser.normalise(measurement)
                 self.log.progress.update((measurement.stamp_ns - began) / 1e9)
+        normaliser.tell()
 
     def _odometry_from_tf(self) -> Iterator[Odometry]:
         track = read_odometry(self.recording, self.picks, start_s=self.start_s, duration_s=self.duration_s)
@@ -126,7 +134,7 @@ def feed_planar(recording: Recording, wanted: Mapping[str, Any], log: RunLog) ->
     picks = pick_topics(recording, **names)
     mount = find_laser_mount(recording, base_frame=picks.base_frame, laser_frame=picks.laser_frame)
     first: list[LaserScan] = list(
-        islice(recording.measurements([picks.scan], start_s=start_s, duration_s=duration_s), _FAN_SAMPLE)
+        islice(recording.measurements([picks.scan], start_s=start_s, duration_s=duration_s), FAN_SAMPLE)
     )
     fan = most_frequent_fan([turn_counter_clockwise(scan, mirrored=mount.upside_down) for scan in first])
     return PlanarFeed(

@@ -172,7 +172,8 @@ class _Log:
 
     def _scan(self, line: LaserLine) -> LaserScan:
         limit = self._limits[line.rear]
-        ranges = line.ranges_m.astype(np.float32)
+        with np.errstate(over="ignore"):  # beyond float32 is beyond every scanner
+            ranges = line.ranges_m.astype(np.float32)
         none = line.ranges_m >= limit
         ranges[none] = np.inf
         ranges[line.ranges_m < 0] = np.nan

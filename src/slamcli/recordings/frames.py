@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from slamcli.recordings.raw import Topic
     from slamcli.recordings.recording import Recording
 
+_FARTHEST_M = 1e12
+_LARGEST_QUATERNION = 1e6
+
 
 def is_transform_topic(topic: Topic) -> bool:
     """Return whether a topic holds transforms (tf or tf_static)."""
@@ -70,7 +73,8 @@ def _add(builder: FrameTreeBuilder, message: Any, log_time_ns: int, context: Dec
     parent, child = context.frame(message.header.frame_id), context.frame(message.child_frame_id)
     t, q = message.transform.translation, message.transform.rotation
     position, quat = (t.x, t.y, t.z), (q.x, q.y, q.z, q.w)
-    if not (math.isfinite(sum(position)) and math.isfinite(sum(quat)) and child):
+    plausible = math.hypot(*position) < _FARTHEST_M and math.hypot(*quat) < _LARGEST_QUATERNION
+    if not plausible or not child:
         context.count("transforms that are not finite or name no frame")
         return
     if is_static:

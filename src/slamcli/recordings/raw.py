@@ -27,7 +27,7 @@ class Topic:
     qos: str = ""
     """QoS profiles as the container holds them (ROS 2), carried through conversions."""
     definition_format: str = "msg"
-    """``msg`` or ``idl``: the language of `definition`."""
+    """``msg`` or ``idl``, the language of `definition`; else MCAP's name of it, and `definition` is its bytes as latin-1."""
     digest: str = ""
     """MD5 sum (ROS 1) or RIHS01 hash (ROS 2) of the type as the container holds it, empty where it holds none."""
     publisher: str = ""

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import struct
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -13,27 +12,16 @@ from typing import Any, Self, TypeVar
 
 from slamcli.errors import RecordingError, SlamcliError, UsageError
 from slamcli.geometry.frame_tree import FrameTree
-from slamcli.measurements import FrameTransform
-from slamcli.recordings.adapters import Adapter, DecodeContext, adapter_for, msgtypes_of
+from slamcli.recordings.adapters import adapter_for, msgtypes_of
+from slamcli.recordings.adapters.context import renaming
 from slamcli.recordings.frames import read_frames
 from slamcli.recordings.mends import Mends
-from slamcli.recordings.raw import Contents, RawMessage, RawReader, Topic
-from slamcli.recordings.stamps import StampCheck, merge_by_stamp, stamp_reader
+from slamcli.recordings.raw import Contents, RawReader, Topic
+from slamcli.recordings.stamps import merge_by_stamp
+from slamcli.recordings.topic_decoder import TopicDecoder, short_type
 from slamcli.runtime import RunLog
 
 T = TypeVar("T")
-
-# What decoding bytes that are not what their type says can raise.
-DECODING_ERRORS = (
-    SlamcliError,
-    ValueError,
-    struct.error,
-    IndexError,
-    KeyError,
-    TypeError,
-    AttributeError,
-    OverflowError,
-)
 
 
 def open_recording(
@@ -113,7 +101,9 @@ class Recording:
         RecordingError
             If there is no such topic, it is empty, or its type does not fit; the message names the topics that would.
         """
-        known = {topic.name: topic for topic in self.contents.topics}
+        # Two types under one name: the one that fits, else the first.
+        listed = sorted(self.contents.topics, key=lambda topic: kind is None or topic.msgtype in msgtypes_of(kind))
+        known = {topic.name: topic for topic in listed}
         topic = known.get(name) or known.get(f"/{name}") or known.get(name.lstrip("/"))
         if topic is None:
             raise RecordingError(f"{self.name}: no topic {name!r}; {self._would_fit(name, kind)}")
@@ -121,7 +111,7 @@ class Recording:
         if adapter is None or (kind is not None and adapter.produces is not kind):
             wanted = f", not {kind.__name__}" if kind is not None else ", which slamcli does not decode"
             raise RecordingError(
-                f"{self.name}: topic {topic.name} is {_short(topic.msgtype)}{wanted}; {self._would_fit(name, kind)}"
+                f"{self.name}: topic {topic.name} is {short_type(topic.msgtype)}{wanted}; {self._would_fit(name, kind)}"
             )
         if topic.count == 0:
             raise RecordingError(f"{self.name}: topic {topic.name} is empty; {self._would_fit(name, kind)}")
@@ -155,7 +145,12 @@ class Recording:
         """
         chosen = [self.topic(topic if isinstance(topic, str) else topic.name) for topic in topics]
         start_ns, stop_ns = self.window(start_s, duration_s)
-        return self._stream({topic.name: _TopicDecoder(topic, self) for topic in chosen}, start_ns, stop_ns, log_order)
+        return self._stream(
+            {topic.name: TopicDecoder(topic, self.raw, self.mends, self.log) for topic in chosen},
+            start_ns,
+            stop_ns,
+            log_order,
+        )
 
     def frames(self) -> FrameTree:
         """Return the tree of all transforms in the recording, the mends among them; read once, then kept."""
@@ -200,19 +195,27 @@ class Recording:
                         f"{option} {name}: {self.name} has no such topic; {self._would_fit(name, None)}"
                     )
 
+    def unused_mends(self) -> tuple[str, ...]:
+        """Return the renamings of frames that nothing that was read so far named."""
+        return tuple(
+            f"--rename-frame {old}={new}"
+            for old, new in self.mends.renamed_frames.items()
+            if not self.log.counts[renaming(old, new)]
+        )
+
     def _stream(
-        self, decoders: dict[str, _TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool
+        self, decoders: dict[str, TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool
     ) -> Iterator[Any]:
-        stamped = ((decoders[m.topic].stamp_ns(m), m) for m in self.raw.messages(tuple(decoders), start_ns, stop_ns))
+        raw = self.raw.messages(tuple(decoders), start_ns, stop_ns)
+        stamped = ((decoders[m.topic].stamp_ns(m), m) for m in raw if decoders[m.topic].accepts(m))
         ordered = stamped if log_order or len(decoders) == 1 else merge_by_stamp(stamped)
-        try:
-            for stamp_ns, message in ordered:
-                yield from decoders[message.topic].decode(message, stamp_ns)
-        finally:
-            for decoder in decoders.values():
-                decoder.tell()
-            for damage in self.contents.damage:
-                self.log.warn(damage)
+        for stamp_ns, message in ordered:
+            yield from decoders[message.topic].decode(message, stamp_ns)
+        # Not where the caller stops early: a look at the first scans is not what the figures are about.
+        for decoder in decoders.values():
+            decoder.tell()
+        for damage in self.contents.damage:
+            self.log.warn(damage)
 
     def _would_fit(self, name: str, kind: type | None) -> str:
         """Return which topics could have been meant."""
@@ -224,10 +227,10 @@ class Recording:
         ]
         if not fitting:
             what = kind.__name__ if kind is not None else "usable"
-            held = ", ".join(f"{topic.name} ({_short(topic.msgtype)})" for topic in self.contents.topics[:12])
+            held = ", ".join(f"{topic.name} ({short_type(topic.msgtype)})" for topic in self.contents.topics[:12])
             return f"the recording has no {what} topic (it has {held or 'no topics at all'})"
         near = difflib.get_close_matches(name, [topic.name for topic in fitting], n=1, cutoff=0.75)
-        listed = ", ".join(f"{topic.name} ({_short(topic.msgtype)})" for topic in fitting[:12])
+        listed = ", ".join(f"{topic.name} ({short_type(topic.msgtype)})" for topic in fitting[:12])
         meant = f"did you mean {near[0]}? " if near else ""
         return f"{meant}it could be one of: {listed}"
 
@@ -239,73 +242,5 @@ class Recording:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.raw.__exit__(kind, error, trace)
-
-
-class _TopicDecoder:
-    """Stamps and decodes the messages of one topic, and keeps book of what was wrong with them."""
-
-    def __init__(self, topic: Topic, recording: Recording) -> None:
-        adapter = adapter_for(topic.msgtype)
-        if adapter is None:
-            raise RecordingError(f"topic {topic.name}: {_short(topic.msgtype)} is not decoded")
-        self._adapter: Adapter = adapter
-        self._decode_raw = recording.raw.decode
-        self._read_stamp = stamp_reader(adapter.stamp_path, topic.encoding)
-        self._context = DecodeContext(topic.name, recording.mends, recording.log)
-        self._check = StampCheck()
-        self._topic = topic
-        self._log = recording.log
-        self._num_garbage = 0
-        self._first_garbage = ""
-        # Several nodes write to /tf, each in its own order: stamps that interleave there are no fault.
-        self._checked = adapter.produces is not FrameTransform
-
-    def stamp_ns(self, message: RawMessage) -> int:
-        """Return the header stamp with the topic's offset, or the log time where it is unset."""
-        stamp = self._read_stamp(message.data)
-        if stamp == 0:
-            self._check.num_unset += 1
-            stamp = message.log_time_ns
-        stamp += self._context.offset_ns
-        if self._checked:
-            self._check.take(stamp)
-        return stamp
-
-    def decode(self, message: RawMessage, stamp_ns: int) -> Sequence[Any]:
-        """Return the measurements in a message; what cannot be decoded is counted and left out."""
-        try:
-            return self._adapter.decode(self._decode_raw(message), stamp_ns, self._context)
-        except DECODING_ERRORS as error:
-            if not self._num_garbage:
-                self._first_garbage = f"{stamp_ns / 1e9:.6f} s: {error}"
-            self._num_garbage += 1
-            return ()
-
-    def tell(self) -> None:
-        """Write what was wrong into the log."""
-        check, name, counts = self._check, self._topic.name, self._log.counts
-
-        def count(what: str, number: int) -> None:
-            if number:
-                counts[f"{name}: {what}"] = max(counts[f"{name}: {what}"], number)
-
-        count("stamps that run backwards", check.num_backward)
-        count("stamps that repeat", check.num_duplicate)
-        count("messages that cannot be decoded", self._num_garbage)
-        if check.num_backward:
-            self._log.warn(
-                f"{name}: {check.num_backward} of {check.num} stamps run backwards, by up to "
-                f"{check.largest_backward_ns / 1e9:.3f} s; the recorded order is kept"
-            )
-        if check.num_unset and self._adapter.stamp_path == "header":
-            count("header stamps that are unset", check.num_unset)
-            self._log.warn(f"{name}: {check.num_unset} header stamps are unset (0): the log time is used instead")
-        if self._num_garbage:
-            self._log.warn(
-                f"{name}: {self._num_garbage} messages cannot be decoded and are left out, the first at "
-                f"{self._first_garbage}"
-            )
-
-
-def _short(msgtype: str) -> str:
-    return msgtype.replace("/msg/", "/")
+        for unused in self.unused_mends() if error is None else ():
+            self.log.warn(f"{unused} changed nothing: no message that was read names that frame")

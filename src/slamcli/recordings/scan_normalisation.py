@@ -16,7 +16,8 @@ from slamcli.errors import DataError
 from slamcli.measurements import LaserScan
 from slamcli.runtime import RunLog
 
-_FAN_SAMPLE = 50
+FAN_SAMPLE = 50
+"""How many of the first scans decide on the fan."""
 _MAX_BEAMS = 100_000
 
 
@@ -120,38 +121,60 @@ def fan_of(scan: LaserScan) -> Fan:
     return Fan(angle_min_rad=scan.angle_min_rad, angle_increment_rad=scan.angle_increment_rad, num_beams=scan.num_beams)
 
 
-def normalise_scans(
-    scans: Iterable[LaserScan], *, mirrored: bool, log: RunLog, fan: Fan | None = None
-) -> Iterator[LaserScan]:
-    """Yield every scan counter-clockwise, cleaned, and on one fan.
+class ScanNormaliser:
+    """Puts scans one after the other counter-clockwise, cleaned, and on one fan; counts what it resampled.
 
-    The fan is the given one or the most frequent one of the first 50 scans. Scans of another fan are resampled and
-    counted in the log; a scan without any beam comes out with NaN in all of them.
+    Parameters
+    ----------
+    fan
+        Directions of the beams of every scan that comes out.
+    mirrored
+        True for a scanner that is mounted upside down.
+    """
+
+    def __init__(self, fan: Fan, *, mirrored: bool, log: RunLog) -> None:
+        self._fan = fan
+        self._mirrored = mirrored
+        self._log = log
+        self._num_resampled = 0
+
+    def normalise(self, scan: LaserScan) -> LaserScan:
+        """Return the scan on the fan: resampled if its own differs, NaN in all beams if it has none."""
+        turned = turn_counter_clockwise(scan, mirrored=self._mirrored)
+        result = _on_fan(turned, self._fan)
+        self._num_resampled += result is not turned
+        return result
+
+    def tell(self) -> None:
+        """Write into the log how many scans were resampled, if any."""
+        if self._num_resampled:
+            counts, fan = self._log.counts, self._fan
+            counts["scans resampled to one fan"] = max(counts["scans resampled to one fan"], self._num_resampled)
+            self._log.warn(
+                f"{self._num_resampled} scans have other beams than the rest: resampled to {fan.num_beams} beams of "
+                f"{math.degrees(fan.angle_increment_rad):.3f}° from {math.degrees(fan.angle_min_rad):.1f}°"
+            )
+
+
+def normalise_scans(scans: Iterable[LaserScan], *, mirrored: bool, log: RunLog) -> Iterator[LaserScan]:
+    """Yield every scan normalised, on the most frequent fan of the first 50 scans.
 
     Raises
     ------
     DataError
-        If no scan has beams.
+        If none of these has beams.
     """
-    turned = (turn_counter_clockwise(scan, mirrored=mirrored) for scan in scans)
-    head = list(islice(turned, _FAN_SAMPLE)) if fan is None else []
+    coming = iter(scans)
+    head = list(islice(coming, FAN_SAMPLE))
+    fan = most_frequent_fan([turn_counter_clockwise(scan, mirrored=mirrored) for scan in head])
     if fan is None:
-        fan = most_frequent_fan(head)
-        if fan is None:
-            return
-    num_resampled = 0
+        return
+    normaliser = ScanNormaliser(fan, mirrored=mirrored, log=log)
     try:
-        for scan in chain(head, turned):
-            resampled = _on_fan(scan, fan)
-            num_resampled += resampled is not scan
-            yield resampled
+        for scan in chain(head, coming):
+            yield normaliser.normalise(scan)
     finally:
-        if num_resampled:
-            log.counts["scans resampled to one fan"] = max(log.counts["scans resampled to one fan"], num_resampled)
-            log.warn(
-                f"{num_resampled} scans have other beams than the rest: resampled to {fan.num_beams} beams of "
-                f"{math.degrees(fan.angle_increment_rad):.3f}° from {math.degrees(fan.angle_min_rad):.1f}°"
-            )
+        normaliser.tell()
 
 
 def most_frequent_fan(scans: list[LaserScan]) -> Fan | None:

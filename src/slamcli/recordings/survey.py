@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from slamcli.recordings.adapters import Adapter, DecodeContext, adapter_for
 from slamcli.recordings.raw import RawMessage, Topic
-from slamcli.recordings.recording import DECODING_ERRORS, Recording
+from slamcli.recordings.recording import Recording
 from slamcli.recordings.stamps import stamp_reader
+from slamcli.recordings.topic_decoder import DECODING_ERRORS, channels_of
 
 Listener = Callable[[Any, Any], None]
 """What wants to see a topic's messages: called with the message and its first measurement."""
@@ -30,6 +31,8 @@ class TopicSurvey:
     """Its first measurement, None where nothing was decoded."""
     num_unset: int = 0
     """Header stamps of 0."""
+    num_other: int = 0
+    """Messages of another type under the same name."""
     num_garbage: int = 0
     garbage: str = ""
     """Why the first of them could not be decoded."""
@@ -90,8 +93,10 @@ def survey(
         found.setdefault(topic.name, _Reader(topic, recording, listeners or {}))
     if not found:
         return {}
-    for message in recording.raw.messages(tuple(found), start_ns, stop_ns):
+    for number, message in enumerate(recording.raw.messages(tuple(found), start_ns, stop_ns)):
         found[message.topic].take(message)
+        if number % 1000 == 0:
+            recording.log.progress.update((message.log_time_ns - recording.start_ns) / 1e9)
     return {name: reader.result for name, reader in found.items()}
 
 
@@ -108,9 +113,13 @@ class _Reader:
         self._stamp = stamp_reader(adapter.stamp_path if adapter else "none", topic.encoding)
         make = listeners.get(adapter.produces) if adapter else None
         self._listener = make(topic) if make else None
+        self._channels = channels_of(topic, recording.contents)
 
     def take(self, message: RawMessage) -> None:
         result = self.result
+        if message.channel not in self._channels:
+            result.num_other += 1
+            return
         stamp = self._stamp(message.data)
         if stamp == 0:
             result.num_unset += 1

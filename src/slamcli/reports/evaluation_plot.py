@@ -69,6 +69,44 @@ def relations_plot(trajectory: Trajectory, series: Sequence[Series]) -> bytes:
     return _png(figure)
 
 
+def map_plot(
+    walls_m: NDArray[np.float64],
+    distances_m: NDArray[np.float64],
+    reference_m: NDArray[np.float64],
+    reference_distances_m: NDArray[np.float64],
+) -> bytes:
+    """Return a PNG of the walls of two maps, coloured by distance, and how the distances are spread.
+
+    Parameters
+    ----------
+    walls_m, distances_m
+        float64 (K, 2) walls of the map in the frame of the reference, and (K,) distances to the reference's nearest wall.
+    reference_m, reference_distances_m
+        float64 (M, 2) walls of the reference, and (M,) distances to the map's nearest wall.
+    """
+    figure = Figure(figsize=(10, 10), dpi=_DPI, layout="constrained")
+    grid = figure.add_gridspec(2, 1, height_ratios=[7, 2])
+    axes = figure.add_subplot(grid[0])
+    size = float(np.clip(12_000 / max(len(walls_m), len(reference_m)), 1.5, 14))
+    axes.scatter(reference_m[:, 0], reference_m[:, 1], color="0.75", s=2 * size, marker="s", linewidths=0)
+    top = float(np.percentile(distances_m, 99)) or 0.01
+    points = axes.scatter(
+        walls_m[:, 0], walls_m[:, 1], c=distances_m, s=size, cmap="viridis", vmin=0, vmax=top, linewidths=0
+    )
+    figure.colorbar(points, ax=axes, label="distance to the reference's walls in m")
+    _label(axes, "xy")
+    axes.set_title("walls of the map (coloured) on the reference (grey)", fontsize="medium")
+    below = figure.add_subplot(grid[1])
+    for values, label in ((distances_m, "map to reference"), (reference_distances_m, "reference to map")):
+        below.plot(np.sort(values), np.linspace(0, 100, len(values)), label=label)
+    below.set_xlim(0, max(float(np.percentile(np.concatenate([distances_m, reference_distances_m]), 98)), 0.02))
+    below.set_xlabel("distance in m")
+    below.set_ylabel("share of walls in %")
+    below.legend(loc="lower right", fontsize="small")
+    below.grid(alpha=0.3)
+    return _png(figure)
+
+
 def _draw_paths(figure: Figure, axes: Axes, reference: Trajectory, estimate: Trajectory, errors: Series | None) -> None:
     plane = _plane(reference.positions_m)
     i, j = _AXES[plane]

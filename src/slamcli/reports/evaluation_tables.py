@@ -31,6 +31,24 @@ _RELATIONS = {
     "point_distance_error_ratio": "distance error ratio",
 }
 
+_MAP_FIGURES = {
+    "accuracy": "share of the map's walls within {tolerance:g} m of a reference wall",
+    "completeness": "share of the reference's walls within {tolerance:g} m of a wall of the map",
+    "f_score": "harmonic mean of the two",
+    "to_reference.mean": "mean distance from the map's walls to the reference's, m",
+    "to_reference.median": "median of it, m",
+    "to_reference.p95": "95th percentile of it, m",
+    "to_map.mean": "mean distance from the reference's walls to the map's, m",
+    "to_map.median": "median of it, m",
+    "to_map.p95": "95th percentile of it, m",
+    "two_way.mean": "mean of the two means, m",
+    "agreement": "share of cells known in both that agree",
+    "occupied_iou": "occupied cells in common over occupied cells in either",
+    "free_iou": "free cells in common over free cells in either",
+    "coverage": "share of the reference's known cells that the map knows",
+    "ssim": "structural similarity of the pictures, 1 if equal",
+}
+
 
 def evaluation_text(document: Mapping[str, Any]) -> str:
     """Return the tables for a document of `slamcli.pipelines.evaluate` (a score's ``as_dict()``)."""
@@ -100,8 +118,11 @@ def _map_text(document: Mapping[str, Any]) -> str:
         f" yaw {registration['yaw_deg']:.4f} deg onto the reference; overlap {100 * registration['overlap']:.1f} %"
     )
     table = _table("map", "value", "what")
-    for row in document["table"]:
-        table.add_row(row["name"], _number(row["value"]), row["what"])
+    for key, what in _MAP_FIGURES.items():
+        value = document["map"]
+        for part in key.split("."):
+            value = value[part]
+        table.add_row(key, _number(value), what.format(tolerance=document["map"]["tolerance_m"]))
     return "\n".join([line, _drawn(table)])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import base64
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -16,6 +16,8 @@ from slamcli.grids import OccupancyGrid
 from slamcli.parameters import Declaration
 from slamcli.reports import page, scales, step_charts, svg
 from slamcli.trajectory import Trajectory
+
+_NO_STAGE = ("total_s", "realtime_factor", "recording_s", "jobs")
 
 
 def report(
@@ -169,11 +171,12 @@ def _overlay(trajectory: Trajectory | None, truth: Trajectory | None) -> str:
 
 def _timing(timing: Mapping[str, Any]) -> str:
     total = timing.get("total_s")
-    stages = timing.get("stages") if isinstance(timing.get("stages"), Mapping) else timing
+    nested = timing.get("stages_s") or timing.get("stages")
+    stages = nested if isinstance(nested, Mapping) else timing
     rows = [
         (str(name), float(value))
-        for name, value in (stages or {}).items()
-        if isinstance(value, (int, float)) and name not in ("total_s", "realtime_factor")
+        for name, value in stages.items()
+        if isinstance(value, (int, float)) and name not in _NO_STAGE
     ]
     if not rows:
         return ""
@@ -187,7 +190,17 @@ def _timing(timing: Mapping[str, Any]) -> str:
 
 
 def _pairs(values: Mapping[str, Any]) -> str:
-    return page.table(["what", "value"], [(str(k).replace("_", " "), v) for k, v in values.items()])
+    return page.table(["what", "value"], [(name.replace("_", " "), value) for name, value in _leaves(values)])
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "", depth: int = 3) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of a document, those of inner documents under their path of names."""
+    for key, value in values.items():
+        name = f"{prefix} {key}" if prefix else str(key)
+        if isinstance(value, Mapping) and value and depth > 0:
+            yield from _leaves(value, name, depth - 1)
+        else:
+            yield name, value
 
 
 def _flat(run: Mapping[str, Any], key: str) -> dict[str, Any]:

@@ -27,7 +27,7 @@ table{border-collapse:collapse;min-width:min(100%,28rem);font-size:.87rem}th,td{
 th{color:var(--soft);font-weight:500}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}td{overflow-wrap:break-word;max-width:44rem}td:last-child{overflow-wrap:anywhere}
 tr.changed td{font-weight:600}.bar{background:var(--c0);height:.7rem;border-radius:2px;min-width:1px;print-color-adjust:exact;-webkit-print-color-adjust:exact}td.wide{width:55%;min-width:8rem;vertical-align:middle}
 code,pre{font:13px/1.5 ui-monospace,monospace}pre{background:var(--card);padding:.7rem;border-radius:8px;white-space:pre-wrap;overflow-wrap:anywhere}
-.line{fill:none;stroke-width:1.3;stroke-linejoin:round;stroke-linecap:round}.axis{stroke:var(--soft);fill:none}.grid{stroke:var(--line);fill:none}
+.line{fill:none;stroke-width:1.3;vector-effect:non-scaling-stroke;stroke-linejoin:round;stroke-linecap:round}.axis{stroke:var(--soft);fill:none}.grid{stroke:var(--line);fill:none}
 .tick{font-size:11px;fill:var(--soft)}.label{font-size:12px;fill:var(--soft)}.mark{stroke:var(--soft);stroke-width:1}
 .c0{stroke:var(--c0)}.c1{stroke:var(--c1)}.c2{stroke:var(--c2)}.c3{stroke:var(--c3)}.c4{stroke:var(--c4)}.c5{stroke:var(--c5)}
 .map{position:relative;overflow:hidden;background:#fff;border:1px solid var(--line);border-radius:8px;touch-action:pan-y}

@@ -22,6 +22,9 @@ def seconds(stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.where(np.abs(stamps) < 2**53, stamps / 1e9, whole + rest / 1e9)
 
 
+_FARTHEST_M = 1e15  # squares of differences stay exact enough and finite
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
     """Poses ``T_frame_child`` in the order in which they were recorded; stamps may run backwards where a clock did."""
@@ -51,6 +54,8 @@ class Trajectory:
             raise DataError(f"trajectory: {n} poses, but matrices {self.matrices.shape}")
         if not (np.isfinite(self.positions_m).all() and np.isfinite(self.quats_xyzw).all()):
             raise DataError("trajectory: a pose is not finite")
+        if n and np.abs(self.positions_m).max() > _FARTHEST_M:
+            raise DataError(f"trajectory: a position is farther away than {_FARTHEST_M:g} m")
 
     def __len__(self) -> int:
         return len(self.stamps_ns)

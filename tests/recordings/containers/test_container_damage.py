@@ -126,6 +126,24 @@ def test_wrong_lengths_in_index_records(tmp_path: Path) -> None:
     assert "read in sequence instead" in damage[0]
 
 
+@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+def test_reading_goes_on_behind_damage_without_an_index(tmp_path: Path, compression: str) -> None:
+    path = tmp_path / "x.bag"
+    written = core(write_sample(path, "rosbag1", compression, number=120))
+    data = bytearray(path.read_bytes())
+    index = data.index(b"index_pos=")
+    data[index + 10 : index + 18] = bytes(8)
+    chunks = [i for i in range(len(data)) if data.startswith(b"compression=", i)]
+    assert len(chunks) > 6
+    del data[chunks[2] + 60 : chunks[2] + 100]  # the records behind are shifted
+    path.write_bytes(data)
+    read, damage, _ = _read(path)
+    assert set(read) < set(written)
+    assert read[-1] == written[-1]
+    assert len(read) > 90
+    assert any("bytes are lost" in line for line in damage)
+
+
 def test_wrong_checksums_are_told(tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     written = core(write_sample(path, "mcap", "none"))
@@ -181,6 +199,15 @@ def test_a_database_that_is_no_bag(tmp_path: Path) -> None:
     connection.close()
     with pytest.raises(RecordingError, match="tables: songs"):
         open_raw(tmp_path / "x.db3")
+
+
+def test_a_damaged_schema_that_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "x.db3"
+    write_sample(path, "sqlite3", "none")
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"CREATE TABLE topics", b"CRE\xff\xff TABLE topics"))
+    assert "two lines" not in _refusal(path)
+    assert "nothing can be read" in _refusal(path)
 
 
 @pytest.mark.parametrize("compression", ["bz2", "zstd", "lz4"])

@@ -8,7 +8,11 @@ import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+from rosbags import rosbag2
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.typesys import Stores, get_typestore
 from sample_bags import (
     START_NS,
     STRING,
@@ -141,6 +145,65 @@ def test_mcap_without_chunks(tmp_path: Path, summary: bool) -> None:
         assert core(reader.messages()) == core(written)
         assert core(reader.messages(None, START_NS + 10**9)) == [m for m in core(written) if m[1] >= START_NS + 10**9]
         assert reader.contents.damage == ()
+
+
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE, IndexType.CHUNK, IndexType.MESSAGE])
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+@pytest.mark.parametrize("summary", [True, False])
+def test_mcap_as_the_mcap_library_writes_it(
+    tmp_path: Path, index: IndexType, compression: CompressionType, summary: bool
+) -> None:
+    options = dict.fromkeys(("repeat_channels", "repeat_schemas", "use_statistics", "use_summary_offsets"), summary)
+    with (tmp_path / "x.mcap").open("wb") as stream:
+        writer = Writer(
+            stream, chunk_size=500, compression=compression, index_types=index, enable_crcs=summary, **options
+        )
+        writer.start("ros2", "test")
+        schema = writer.register_schema(STRING, "ros2msg", b"string data")
+        channels = {name: writer.register_channel(name, "cdr", schema) for name in ("/a", "/b")}
+        expected = []
+        for number in range(50):
+            item = ("/a" if number % 3 else "/b", START_NS + (number * 7) % 50, string_message(f"{number}", "cdr"))
+            writer.add_message(channels[item[0]], item[1], item[2], item[1] + 3, number)
+            expected.append(item)
+        writer.add_attachment(START_NS, START_NS, "note.txt", "text/plain", b"words")
+        writer.add_metadata("about", {"robot": "x"})
+        writer.finish()
+    expected.sort(key=lambda item: item[1])
+    with open_raw(tmp_path / "x.mcap") as reader:
+        assert core(reader.messages()) == expected
+        assert reader.contents.num_messages == 50
+        assert reader.contents.damage == ()
+        assert core(reader.messages(["/b"], START_NS + 10, START_NS + 30)) == [
+            item for item in expected if item[0] == "/b" and START_NS + 10 <= item[1] < START_NS + 30
+        ]
+        assert {m.publish_time_ns - m.log_time_ns for m in reader.messages()} == {3}
+
+
+@pytest.mark.parametrize(
+    ("storage", "mode"),
+    [
+        (StoragePlugin.SQLITE3, CompressionMode.NONE),
+        (StoragePlugin.SQLITE3, CompressionMode.FILE),
+        (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.NONE),
+        (StoragePlugin.MCAP, CompressionMode.FILE),
+        (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+        (StoragePlugin.MCAP, CompressionMode.STORAGE),
+    ],
+)
+def test_ros2_bags_as_rosbags_writes_them(tmp_path: Path, storage: StoragePlugin, mode: CompressionMode) -> None:
+    writer = rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/a", STRING, typestore=get_typestore(Stores.ROS2_HUMBLE))
+        for number in range(30):
+            writer.write(connection, START_NS + number, string_message(f"{number}", "cdr"))
+    with open_raw(tmp_path / "bag") as reader:
+        assert [reader.decode(m).data for m in reader.messages()] == [str(number) for number in range(30)]
+        assert reader.contents.damage == ()
+        assert reader.contents.format == f"rosbag2-{storage.name.lower()}"
+        assert reader.contents.compression == ("none" if mode is CompressionMode.NONE else "zstd")
 
 
 def test_ros1_messages_in_mcap(tmp_path: Path) -> None:

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.errors import DataError
 from slamcli.geometry import quaternion
 from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
+
+_LARGEST_QUATERNION = 1e6
 
 
 class DecodeContext:
@@ -32,6 +35,8 @@ class DecodeContext:
         if name is None:
             bare = recorded.lstrip("/")
             name = self._frames[recorded] = self.mends.renamed_frames.get(bare, bare)
+            if bare in self.mends.renamed_frames:
+                self.log.counts[renaming(bare, name)] += 1
         return name
 
     def stamp_ns(self, stamp: Any, fallback_ns: int) -> int:
@@ -49,9 +54,16 @@ class DecodeContext:
         norm = math.sqrt(x * x + y * y + z * z + w * w)
         if abs(norm - 1.0) < 1e-9:
             return np.array((x, y, z, w))
+        if not norm < _LARGEST_QUATERNION:
+            raise DataError(f"orientation ({x:g}, {y:g}, {z:g}, {w:g}) is no rotation")
         if norm < 1e-12:
             self.count("orientations that were unset (all zero), taken as no rotation")
         return quaternion.normalise(np.array((x, y, z, w), dtype=np.float64))
+
+
+def renaming(old: str, new: str) -> str:
+    """Return under which name the log counts the topics in which a frame was renamed."""
+    return f"frame {old} read as {new}: topics"
 
 
 def vector(v: Any) -> NDArray[np.float64]:

@@ -15,8 +15,8 @@ from slamcli.recordings.adapters.messages import MessageFactory
 
 def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[ImuSample]:
     q = message.orientation
-    # REP 145: orientation_covariance[0] is -1 where the device gives no orientation; many drivers send zeros instead.
-    oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z or q.w)
+    # REP 145: orientation_covariance[0] is -1 where the device gives no orientation; drivers also send zeros or NaN.
+    oriented = message.orientation_covariance[0] != -1.0 and 0.0 < abs(q.x) + abs(q.y) + abs(q.z) + abs(q.w) < 4.0
     sample = ImuSample(
         stamp_ns=stamp_ns,
         frame_id=context.frame(message.header.frame_id),

@@ -80,6 +80,11 @@ def offsets_ns(times: NDArray[Any], stamp_ns: int) -> NDArray[np.int64]:
     """
     if len(times) == 0:
         return np.zeros(0, dtype=np.int64)
+    with np.errstate(invalid="ignore", over="ignore"):
+        return _in_ns(times, stamp_ns)
+
+
+def _in_ns(times: NDArray[Any], stamp_ns: int) -> NDArray[np.int64]:
     largest = float(np.abs(times).max())
     unit = _unit_ns(times, largest)
     if largest * unit > 1e17:  # later than 1973: absolute

@@ -16,6 +16,7 @@ CHECKS: dict[str, Check] = {
     "damage": container.damage,
     "empty-topic": container.empty_topics,
     "undecodable": container.undecodable,
+    "mend-unused": container.unused_mends,
     "stamp-unset": stamps.unset,
     "stamp-unit": stamps.unit,
     "stamp-backward": stamps.backward,

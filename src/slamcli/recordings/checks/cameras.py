@@ -25,7 +25,7 @@ def calibration(evidence: Evidence) -> Iterator[Finding]:
                 topic=name,
                 message="no sensor_msgs/CameraInfo belongs to these images",
                 stamp_ns=getattr(found.first, "stamp_ns", None),
-                mend="--camera-info FILE (slamcli's tiers also take it from the system's settings file)",
+                mend="--camera-info FILE",
             )
     for name, seen in evidence.cameras.items():
         first = seen.first

@@ -23,8 +23,15 @@ def empty_topics(evidence: Evidence) -> Iterator[Finding]:
 
 
 def undecodable(evidence: Evidence) -> Iterator[Finding]:
-    """Name topics whose messages are not what their type says."""
+    """Name topics whose messages are not what their type says, or of two types."""
     for name, found in evidence.surveys.items():
+        if found.num_other:
+            yield Finding(
+                severity="warning",
+                topic=name,
+                message=f"two types under one name: messages that are not {found.topic.msgtype} are left out",
+                count=found.num_other,
+            )
         if found.num_garbage:
             yield Finding(
                 severity="error",
@@ -32,3 +39,9 @@ def undecodable(evidence: Evidence) -> Iterator[Finding]:
                 message=f"messages cannot be decoded: {found.garbage}",
                 count=found.num_garbage,
             )
+
+
+def unused_mends(evidence: Evidence) -> Iterator[Finding]:
+    """Name mends that were given and changed nothing."""
+    for mend in evidence.unused_mends:
+        yield Finding(severity="warning", message=f"{mend} changes nothing: no message names that frame")

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -87,8 +89,8 @@ class ImuEvidence:
 
     def see(self, _message: Any, sample: ImuSample) -> None:
         """Take a sample in."""
-        self.acceleration.append(float(np.linalg.norm(sample.acceleration_m_s2)))
-        self.rotation.append(float(np.linalg.norm(sample.angular_rad_s)))
+        self.acceleration.append(math.hypot(*sample.acceleration_m_s2.tolist()))
+        self.rotation.append(math.hypot(*sample.angular_rad_s.tolist()))
         self.stamps.append(sample.stamp_ns)
 
 
@@ -138,6 +140,10 @@ class Evidence:
     cameras: dict[str, CameraEvidence]
     images: dict[str, list[Image]]
     """A few images of each topic, spread over its beginning."""
+    time_offsets_ns: Mapping[str, int] = field(default_factory=dict)
+    """Offsets that are applied already."""
+    unused_mends: tuple[str, ...] = ()
+    """Mends that changed nothing."""
 
     def of(self, kind: type) -> dict[str, TopicSurvey]:
         """Return the surveys of topics that decode to a measurement type and hold messages."""
@@ -180,6 +186,8 @@ def gather(recording: Recording) -> Evidence:
         odometry=odometry,
         cameras=cameras,
         images=_some_images(recording, surveys),
+        time_offsets_ns=recording.mends.time_offsets_ns,
+        unused_mends=recording.unused_mends(),
     )
 
 

@@ -17,6 +17,7 @@ from slamcli.recordings.checks.finding import Finding
 from slamcli.recordings.scan_normalisation import turn_counter_clockwise
 
 _FEW_RETURNS = 0.2
+_WORTH_SAYING = 0.001
 _MIN_TURNS = 8
 _TURN_RAD = (math.radians(4.0), math.radians(30.0))
 _MAX_PAIR_S = 1.5
@@ -76,7 +77,7 @@ def limits(evidence: Evidence) -> Iterator[Finding]:
                 stamp_ns=scan.stamp_ns,
             )
         seen = evidence.scans[name]
-        if seen.num_beyond:
+        if seen.num_beyond > _WORTH_SAYING * seen.num_readings:
             yield Finding(
                 severity="note",
                 topic=name,
@@ -84,7 +85,7 @@ def limits(evidence: Evidence) -> Iterator[Finding]:
                 f"({high:g} m, largest reading {seen.largest_m:.2f} m): they count as no return",
                 count=seen.num_beyond,
             )
-        if seen.num_at_max:
+        if seen.num_at_max > _WORTH_SAYING * seen.num_readings:
             yield Finding(
                 severity="note",
                 topic=name,
@@ -113,7 +114,7 @@ def returns(evidence: Evidence) -> Iterator[Finding]:
             )
             if number
         ]
-        if parts:
+        if without + unusable > 0.01 * seen.num_readings:
             yield Finding(
                 severity="warning" if share < _FEW_RETURNS else "note",
                 topic=name,

@@ -106,7 +106,8 @@ def gaps(evidence: Evidence) -> Iterator[Finding]:
         if kind not in _SENSORS or found.num < 10:
             continue
         steps = np.diff(found.stamps_ns) / 1e9
-        limit = max(_IMU_GAP_S if kind is ImuSample else _POINTS_GAP_S, 3 * float(np.median(np.abs(steps))))
+        typical = max(float(np.median(np.abs(steps))), float(np.mean(np.abs(steps))))
+        limit = max(_IMU_GAP_S if kind is ImuSample else _POINTS_GAP_S, 3 * typical)
         bad = np.flatnonzero(steps > limit)
         if len(bad):
             worst = int(np.argmax(steps))
@@ -172,5 +173,5 @@ def clocks(evidence: Evidence) -> Iterator[Finding]:
                 message=f"its clock is {abs(offset):.3f} s {'behind' if offset > 0 else 'ahead of'} the other sensors' "
                 "(or its messages were logged late)",
                 stamp_ns=int(evidence.surveys[name].stamps_ns[0]),
-                mend=f"--time-offset {name}={offset:.3f}",
+                mend=f"--time-offset {name}={offset + evidence.time_offsets_ns.get(name, 0) / 1e9:.3f}",
             )

@@ -42,7 +42,7 @@ def decompress(data: bytes, compression: str, size: int | None) -> bytes:
     """
     if compression in ("", "none"):
         if size is not None and len(data) != size:
-            raise DecompressionError(f"{len(data)} bytes where {size} are declared", data)
+            raise DecompressionError(f"{len(data)} bytes where {size} are declared", data[:size])
         return data
     limit = MAX_CHUNK_BYTES if size is None else size
     if limit > MAX_CHUNK_BYTES:

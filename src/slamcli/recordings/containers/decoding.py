@@ -120,7 +120,7 @@ def typestore_of(topic: Topic) -> Typestore:
     RecordingError
         If there is no definition and ROS ships no such type, or the definition cannot be understood.
     """
-    if topic.definition:
+    if topic.definition and topic.definition_format in ("msg", "idl"):
         store = get_typestore(Stores.EMPTY)
         types = definition_types(topic)
         try:

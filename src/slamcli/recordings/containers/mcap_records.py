@@ -23,6 +23,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_FIELDS = _MESSAGE.size - PREFIX.size
 _CHUNK_FIELDS = struct.Struct("<QQQI")
 _MAX_TIME = 2**63 - 1
+_FIRST_PRIVATE = 0x80
 _ENCODINGS = {"ros1msg": ("msg", "ros1"), "ros2msg": ("msg", "cdr"), "ros2idl": ("idl", "cdr")}
 
 
@@ -132,7 +133,9 @@ class Catalogue:
         number = fields.number(2)
         if op == SCHEMA:
             name, encoding = fields.text(), fields.text()
-            definition = fields.take(fields.number(4)).decode("utf-8", errors="replace")
+            data = fields.take(fields.number(4))
+            # Others than ROS's (protobuf, json) may be binary; they pass through conversions as they are.
+            definition = data.decode("utf-8", errors="replace") if encoding in _ENCODINGS else data.decode("latin-1")
             self.schemas.setdefault(number, Schema(name, encoding, definition))
         elif op == CHANNEL:
             schema = fields.number(2)
@@ -142,13 +145,13 @@ class Catalogue:
         """Return a channel as a topic."""
         channel = self.channels[number]
         schema = self.schemas.get(channel.schema, Schema("", "", ""))
-        language, encoding = _ENCODINGS.get(schema.encoding, ("msg", channel.encoding))
+        language, encoding = _ENCODINGS.get(schema.encoding, (schema.encoding, channel.encoding))
         qos = channel.metadata.get("offered_qos_profiles", "")
         return Topic(
             name=channel.topic,
             msgtype=ros2_type_name(schema.name),
             count=count,
-            definition=schema.definition if schema.encoding in _ENCODINGS else "",
+            definition=schema.definition,
             encoding=channel.encoding or encoding,
             latched=channel.metadata.get("latching", "") in ("1", "true") or is_latched(qos),
             qos=qos,
@@ -247,9 +250,8 @@ def read_segment(data: bytes, channels: Mapping[int, int] | None, catalogue: Cat
             except RecordError as error:
                 segment.error = str(error)
                 break
-        elif not HEADER <= op < 0x80 and op < 0x80:
-            segment.error = f"a record has the impossible type {op}"
-            break
+        elif op < _FIRST_PRIVATE and op not in (SCHEMA, CHANNEL):
+            segment.error = f"a record of type {op} lies among the messages"
         position = segment.end = end
     segment.num_messages = len(entries) + skipped
     return segment

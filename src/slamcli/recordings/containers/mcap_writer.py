@@ -92,10 +92,11 @@ class McapFile:
         key = (topic.msgtype, topic.definition)
         if key not in self._schemas:
             number = self._schemas[key] = len(self._schemas) + 1
-            name, encoding = topic.msgtype, "ros2msg" if topic.definition_format == "msg" else "ros2idl"
+            name, encoding = topic.msgtype, {"msg": "ros2msg", "idl": "ros2idl"}.get(topic.definition_format)
             if topic.encoding == "ros1":
                 name, encoding = name.replace("/msg/", "/"), "ros1msg"
-            definition = topic.definition.encode()
+            definition = topic.definition.encode() if encoding else topic.definition.encode("latin-1")
+            encoding = encoding or topic.definition_format
             body = struct.pack("<H", number) + _text(name) + _text(encoding) + struct.pack("<I", len(definition))
             self._define(records.SCHEMA, body + definition)
         return self._schemas[key]

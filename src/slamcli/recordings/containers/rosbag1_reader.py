@@ -20,6 +20,10 @@ from slamcli.recordings.containers.source import Source
 from slamcli.recordings.containers.topic_table import MAX_TOPICS, TopicTable
 from slamcli.recordings.raw import RawMessage, Topic
 
+_CHUNK_SIGNATURE = b"\x00\x00\x00compression="
+_MAX_CANDIDATES = 10_000
+_SIGNATURE_MARGIN = len(_CHUNK_SIGNATURE) + 12
+
 
 @dataclass(slots=True)
 class _Chunk:
@@ -146,40 +150,75 @@ class Rosbag1Volume:
         return _Chunk(position, start, end, counts)
 
     def _scan(self, reason: str) -> None:
-        """Read the file's records in sequence, up to the damage."""
+        """Read the file's records in sequence; after a damaged one, go on at the next chunk that can be found."""
         source = self._source
-        position = len(records.MAGIC)
+        position = search_from = len(records.MAGIC)
         last_ns: int | None = None
-        stopped = ""
-        whole = position
-        while position < source.size and not stopped:
+        lost, first_loss = 0, ""
+        # Bounds the work on garbage whose chunks overlap each other.
+        budget = 3 * source.size + MAX_CHUNK_BYTES // 8
+        while position < source.size:
             try:
                 record, begin = self._record_at(position)
+                search_from = begin
+                if record.op == records.OP_CHUNK:
+                    budget -= min(record.size, source.size - begin)
+                last_ns = self._scan_record(record, begin, position, last_ns)
+                position = self._end_of(record, begin)
             except RecordError as error:
-                stopped = str(error)
-                break
-            if record.op == records.OP_CHUNK:
-                last_ns = self._scan_chunk(position, last_ns)
-            if record.op == records.OP_CONNECTION and begin + record.size <= source.size:
-                data = source.read(begin, record.size)
-                try:
-                    number, topic = records.read_connection(record._replace(begin=0), data)
-                except RecordError as error:
-                    stopped = str(error)
-                    break
-                self._connections.setdefault(number, topic)
-            size = record.size
-            if record.op == records.OP_INDEX:
-                # Early writers declare 20 bytes for each entry and write 12; ROS goes by the count.
-                size = min(size, 12 * records.number(record.fields, b"count"))
-            position = begin + size
-            if position <= source.size:
-                whole = position
-        lost = source.size - whole
+                budget -= records.MAX_HEADER_BYTES
+                first_loss = first_loss or f"{error} at byte {position}; {at_time(last_ns)}"
+                following = self._next_chunk(search_from) if budget > 0 else source.size
+                lost += max(following - position, 0)
+                position, search_from = following, following + 1
         what = f"{reason}; read in sequence instead"
-        if lost:
-            what += f", up to byte {whole} of {source.size} ({lost} bytes are not whole records; {at_time(last_ns)})"
+        if first_loss:
+            what += f"; {lost} of {source.size} bytes are lost: {first_loss}"
         self._damage.add(f"{source.path}: {what}")
+
+    def _scan_record(self, record: records.Record, begin: int, position: int, last_ns: int | None) -> int | None:
+        """Take in a record; return the time of the last message so far."""
+        if record.op == records.OP_CHUNK:
+            return self._scan_chunk(position, last_ns)
+        if record.op == records.OP_CONNECTION and begin + record.size <= self._source.size:
+            data = self._source.read(begin, record.size)
+            number, topic = records.read_connection(record._replace(begin=0), data)
+            self._connections.setdefault(number, topic)
+        return last_ns
+
+    def _end_of(self, record: records.Record, begin: int) -> int:
+        size = record.size
+        if record.op == records.OP_INDEX:
+            # Early writers declare 20 bytes for each entry and write 12; ROS goes by the count.
+            size = min(size, 12 * records.number(record.fields, b"count"))
+        if begin + size > self._source.size:
+            raise RecordError("a record is cut off")
+        return begin + size
+
+    def _next_chunk(self, position: int) -> int:
+        """Return where the next chunk record begins, the end of the file if there is none."""
+        window = 4 << 20
+        candidates = 0
+        while position < self._source.size and candidates < _MAX_CANDIDATES:
+            data = self._source.read(position, window + _SIGNATURE_MARGIN)
+            found = data.find(_CHUNK_SIGNATURE)
+            while 0 <= found < window and candidates < _MAX_CANDIDATES:
+                candidates += 1
+                # The field stands first, or after the record's type.
+                for start in (position + found - 5, position + found - 13):
+                    if start >= position and self._is_chunk(start):
+                        return start
+                found = data.find(_CHUNK_SIGNATURE, found + 1)
+            position += window
+        return self._source.size
+
+    def _is_chunk(self, position: int) -> bool:
+        buffer, offset = self._source.peek(position, 256)
+        try:
+            record = records.read_record(buffer, offset, min(offset + 256, len(buffer)))
+        except RecordError:
+            return False
+        return record.op == records.OP_CHUNK and b"size" in record.fields
 
     def _record_at(self, position: int) -> tuple[records.Record, int]:
         """Return the record at a position of the file, and the position of its data."""

@@ -13,7 +13,7 @@ from slamcli.recordings.raw import Topic
 
 MAGIC = b"#ROSBAG V2.0\n"
 OP_MESSAGE, OP_BAG_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = 2, 3, 4, 5, 6, 7
-MAX_HEADER_BYTES = 16 << 20
+MAX_HEADER_BYTES = 64 << 10
 
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
@@ -192,6 +192,8 @@ def read_chunk(data: bytes, channels: Mapping[int, int] | None = None) -> ChunkC
             elif record.op == OP_CONNECTION:
                 connection, topic = read_connection(record, data)
                 contents.connections[connection] = topic
+            else:
+                contents.error = f"a record of type {record.op} lies among the messages"
         except RecordError as error:
             contents.error = str(error)
             break

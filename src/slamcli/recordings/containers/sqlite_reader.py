@@ -18,6 +18,8 @@ from slamcli.recordings.containers.source import Source
 from slamcli.recordings.containers.topic_table import MAX_TOPICS, TopicTable
 from slamcli.recordings.raw import RawMessage, Topic
 
+# A damaged schema may come back in an error message that is no UTF-8.
+_ERRORS = (sqlite3.Error, OverflowError, UnicodeError)
 _BLOCK_BYTES = 4 << 20
 _BLOCK_ROWS = 4096
 _MAX_GAPS = 64
@@ -99,7 +101,7 @@ class SqliteVolume:
         mode = "mode=ro" if wal.is_file() and wal.stat().st_size else "mode=ro&immutable=1"
         try:
             connection = sqlite3.connect(f"file:{quote(str(self._path.absolute()))}?{mode}", uri=True)
-        except sqlite3.Error as error:
+        except _ERRORS as error:
             raise RecordingError(f"{self._path}: cannot be opened as a database ({error})") from error
         connection.text_factory = lambda raw: raw.decode("utf-8", errors="replace")
         connection.isolation_level = None
@@ -108,7 +110,7 @@ class SqliteVolume:
     def _open(self) -> None:
         try:
             tables = {row[0] for row in self._connection.execute("SELECT name FROM sqlite_master WHERE type='table'")}
-        except sqlite3.Error as error:
+        except _ERRORS as error:
             raise RecordingError(f"{self._path}: damaged at its beginning, nothing can be read ({error})") from error
         if not {"topics", "messages"} <= tables:
             known = ", ".join(sorted(map(str, tables))) or "none"
@@ -153,7 +155,7 @@ class SqliteVolume:
                 )
                 if len(topics) >= MAX_TOPICS:
                     break
-        except sqlite3.Error as error:
+        except _ERRORS as error:
             self._damage.add(f"{self._path}: its topics are damaged ({error}); {len(topics)} of them were read")
         return topics
 
@@ -181,7 +183,7 @@ class SqliteVolume:
                         last_ns = time
                     else:
                         bad_rows += 1
-            except (sqlite3.Error, OverflowError) as error:
+            except _ERRORS as error:
                 error_text = str(error)
             builder.flush()
             if not error_text:
@@ -227,7 +229,7 @@ class SqliteVolume:
                     position = row[0] + 1
                     if type(row[3]) is bytes and type(row[2]) is int and row[1] in wanted:
                         yield row
-            except sqlite3.Error:
+            except _ERRORS:
                 lost += 1
                 position += 1
                 if lost > _MAX_GAPS:

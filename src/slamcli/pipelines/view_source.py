@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: MIT
+"""What a file or folder is that somebody wants to see, and where its picture goes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from slamcli.errors import UsageError
+
+_RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
+_RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
+_LOG_SUFFIXES = (".clf", ".log", ".dat")
+_PICTURES = (".pgm", ".png", ".bmp")
+
+
+def find_kind(sources: Sequence[Path]) -> str:
+    """Return what the sources are: result, map, trajectory or recording.
+
+    Raises
+    ------
+    UsageError
+        If a source is missing, cannot be drawn, or they do not belong together.
+    """
+    if not sources:
+        raise UsageError("nothing to draw: name a result folder, a map.yaml, a trajectory or a recording")
+    kinds = [_kind(source) for source in sources]
+    if len(set(kinds)) > 1:
+        raise UsageError(f"{sources[0]} is a {kinds[0]} and {sources[1]} a {kinds[1]}: draw them one by one")
+    if len(kinds) > 1 and kinds[0] in ("result", "map"):
+        raise UsageError(f"one {kinds[0]} at a time; {len(kinds)} were given")
+    return kinds[0]
+
+
+def default_output(source: Path, kind: str) -> Path:
+    """Return where the picture goes if nobody says: ``view.png`` in a result folder, else ``NAME-view.png`` beside the source."""
+    if kind == "result":
+        return source / "view.png"
+    resolved = source.resolve()
+    return (
+        resolved.parent / f"{resolved.stem}-view.png"
+        if source.name in ("", ".", "..")
+        else source.with_name(f"{source.stem}-view.png")
+    )
+
+
+def _kind(source: Path) -> str:
+    if not source.exists():
+        raise UsageError(f"{source}: no such file or folder")
+    if source.is_dir():
+        is_result = any((source / name).is_file() for name in ("run.json", "map.yaml", "trajectory.tum"))
+        if (
+            not is_result
+            and not any(source.glob("*.db3*"))
+            and not any(source.glob("*.mcap*"))
+            and not any(source.glob("*.bag"))
+        ):
+            raise UsageError(
+                f"{source}: neither a result (map.yaml, trajectory.tum) nor a recording lies in this folder"
+            )
+        return "result" if is_result else "recording"
+    suffixes = [s.lower() for s in source.suffixes]
+    last = suffixes[-1] if suffixes else ""
+    if last in (".yaml", ".yml"):
+        return "map"
+    if last in _PICTURES:
+        raise UsageError(f"{source}: name the map's .yaml; the picture alone has no scale")
+    if (
+        last in _RECORDING_SUFFIXES
+        or any(s in _RECORDING_SUFFIXES for s in suffixes[-2:])
+        or _begins_as_recording(source)
+    ):
+        return "recording"
+    if any(s in _LOG_SUFFIXES for s in suffixes[-2:]):
+        bag = source.name.split(".")[0] + ".mcap"
+        raise UsageError(f"{source}: convert this log first: slamcli convert {source} {bag}")
+    return "trajectory"
+
+
+def _begins_as_recording(source: Path) -> bool:
+    try:
+        with source.open("rb") as stream:
+            return stream.read(16).startswith(_RECORDING_MAGIC)
+    except OSError as error:
+        raise UsageError(f"{source}: {error.strerror}") from error
