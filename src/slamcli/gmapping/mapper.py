@@ -30,6 +30,7 @@ _TRUSTED_QUALITY = 0.5
 _SLIP_SIGMAS = 5.0
 _BAD_CLOCK = 0.01
 """Share of backward stamps from which on a clock is not believed."""
+_LONGEST_OFFSET_S = 4e9  # a clock that began in 1970 against one that began now
 
 
 class GmappingMapper:
@@ -122,6 +123,8 @@ class GmappingMapper:
         self, stamps: NDArray[np.int64], wheels: WheelOdometry | None, beams: dict[str, BeamModel]
     ) -> time_offset.TimeOffset:
         given = self._parameters.time_offset
+        if given != "auto" and abs(float(given)) > _LONGEST_OFFSET_S:
+            raise UsageError(f"time_offset={given}: two clocks of one recording are not {float(given):g} s apart")
         if given != "auto" or wheels is None:
             return time_offset.TimeOffset(0.0 if given == "auto" else float(given), 0.0, 0.0, 0)
         log = self._setup.log
