@@ -15,8 +15,6 @@ from slamcli.gmapping.motion import MotionModel
 from slamcli.gmapping.particle_filter import ParticleFilter, systematic_draw
 from slamcli.grids.tiles import TiledMaps
 
-pytestmark = pytest.mark.kernels
-
 
 def test_systematic_draw_takes_each_as_often_as_its_weight_says():
     rng = np.random.default_rng(1)
@@ -93,7 +91,7 @@ def test_the_best_path_and_its_map_are_those_of_a_particle_that_kept_its_own_his
         if index:
             particles.move(se2.between(poses[4 * index - 4], poses[4 * index]))
         particles.update(index, scan)
-        histories = [history + [pose] for history, pose in zip(histories, particles.steps[-1].poses, strict=True)]
+        histories = [[*history, pose] for history, pose in zip(histories, particles.steps[-1].poses, strict=True)]
         histories = [histories[parent] for parent in particles._parents]
     assert sum(step.resampled for step in particles.steps) >= 5
     best = int(np.argmax(particles._weight_sums))

@@ -12,8 +12,6 @@ from room_world import beams_at, drifting, drive, from_first
 from slamcli.geometry import se2
 from slamcli.gmapping.scan_odometry import ScanOdometry, between, compose
 
-pytestmark = pytest.mark.kernels
-
 
 def follow(poses, motions, known=True, beams=120):
     """Poses and steps of scan odometry; `motions` None predicts the last motion again."""
