@@ -126,10 +126,7 @@ class GmappingMapper:
             return time_offset.TimeOffset(0.0 if given == "auto" else float(given), 0.0, 0.0, 0)
         log = self._setup.log
         with log.stage("clock offset"):
-            motions, steps = self._align_scans(stamps, wheels, beams, 0.0, enough_turns=_TURNING_SCANS)
-            count = len(steps)
-            trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])[1:]
-            found = time_offset.estimate(stamps[:count], motions[1:count, 2], trusted, wheels)
+            found = self._estimate_offset(stamps, wheels, beams)
         if found.seconds:
             log.note(
                 f"laser and odometry clocks differ: odometry is looked up {found.seconds:+.3f} s from each scan's stamp "
@@ -137,6 +134,15 @@ class GmappingMapper:
                 f"{math.degrees(found.error_before_rad):.2f} degrees); --set time_offset=SECONDS says otherwise"
             )
         return found
+
+    def _estimate_offset(
+        self, stamps: NDArray[np.int64], wheels: WheelOdometry, beams: dict[str, BeamModel]
+    ) -> time_offset.TimeOffset:
+        """Return the offset that the turns seen by the scans tell; hardly trusting the odometry while it is not known."""
+        motions, steps = self._align_scans(stamps, wheels, beams, 0.0, enough_turns=_TURNING_SCANS)
+        count = len(steps)
+        trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])[1:]
+        return time_offset.estimate(stamps[:count], motions[1:count, 2], trusted, wheels)
 
     def _motions(
         self, stamps: NDArray[np.int64], wheels: WheelOdometry | None, beams: dict[str, BeamModel], offset_s: float
@@ -171,7 +177,7 @@ class GmappingMapper:
             before = odometry.pose
             if k and poses is not None:
                 guess = between(_pose(poses[k - 1]), _pose(poses[k]))
-            steps.append(odometry.step(beams[scan.topic].beams(scan), guess, known=poses is not None))
+            steps.append(odometry.step(beams[scan.topic].beams(scan), guess, known=poses is not None and enough_turns is None))
             guess = between(before, odometry.pose)
             motions[k] = guess
             turns += abs(guess[2]) > math.radians(1.5) and steps[-1].quality > _TRUSTED_QUALITY
