@@ -12,7 +12,8 @@ import pytest
 
 from slamcli.evaluation import DeltaUnit
 from slamcli.formats.trajectories import write_tum
-from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_relations, evaluate_trajectory
+from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_trajectory
+from slamcli.pipelines.evaluate_relations import evaluate_relations
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory

@@ -1,50 +1,41 @@
 # SPDX-License-Identifier: MIT
-"""Scores a trajectory against a true trajectory or against relations: load, match, align, measure."""
+"""Scores a trajectory against a true trajectory: load, match, align, measure."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from slamcli.errors import EstimationError, UsageError
 from slamcli.evaluation import (
-    AlignMode,
-    DeltaUnit,
-    PoseErrors,
     PoseRelation,
-    Relations,
-    RelationsResult,
     absolute_errors,
     align,
     find_pairs,
     pair_errors,
     project,
-    relation_errors,
 )
 from slamcli.evaluation.segments import (
     KITTI_LENGTHS_M,
-    KittiErrors,
-    SubtrajectoryErrors,
     kitti_errors,
     subtrajectory_errors,
     subtrajectory_lengths,
 )
-from slamcli.evaluation.statistics import Statistics
-from slamcli.formats.relations import read_relations
 from slamcli.geometry.alignment import Similarity
 from slamcli.pipelines.trajectories import load_trajectory
+from slamcli.pipelines.trajectory_score import ErrorOptions, TrajectoryScore
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Matched, Trajectory, associate, crop_time, downsample, motion_filter
 from slamcli.trajectory.association import SyncMethod
 
 PathLike = str | os.PathLike[str]
-Part = Literal["ape", "rpe", "segments"]
 
 _FEW = 0.5
+
+__all__ = ["ErrorOptions", "MatchOptions", "TrajectoryScore", "evaluate_trajectory", "score_trajectory"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,151 +52,6 @@ class MatchOptions:
     """Largest number of poses of either trajectory."""
     motion_filter: tuple[float, float] | None = None
     """Distance in metres and angle in radians between kept poses of either trajectory."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorOptions:
-    """What is measured; defaults as evo's, except that the estimate is aligned."""
-
-    align: AlignMode = AlignMode.SE3
-    num_to_align: int = -1
-    relation: PoseRelation = PoseRelation.TRANS_PART
-    plane: str | None = None
-    delta: float = 1.0
-    delta_unit: DeltaUnit = DeltaUnit.FRAMES
-    all_pairs: bool = False
-    delta_tol: float = 0.1
-    pairs_from_reference: bool = False
-    parts: tuple[Part, ...] = ("ape", "rpe", "segments")
-    segment_lengths_m: tuple[float, ...] = ()
-    """Lengths of segments; empty: KITTI's, and shares of the path for sub-trajectories."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrajectoryScore:
-    """A trajectory against a true one."""
-
-    options: ErrorOptions
-    matched: Matched
-    """The poses that belong together, the estimate as it was."""
-    reference: Trajectory
-    """Matched reference, projected if asked for."""
-    aligned: Trajectory
-    """Matched estimate, aligned and projected."""
-    alignment: Similarity
-    coverage_time: float
-    """Time from the first to the last matched pose over the time span of the reference; 1 without stamps."""
-    coverage_poses: float
-    """Matched poses over the poses of the sparser trajectory."""
-    ape: PoseErrors | None = None
-    ape_rot: PoseErrors | None = None
-    rpe: PoseErrors | None = None
-    rpe_rot: PoseErrors | None = None
-    kitti: KittiErrors | None = None
-    subtrajectories: tuple[SubtrajectoryErrors, ...] = ()
-
-    def figures(self) -> dict[str, float]:
-        """Return every figure that a threshold can be set on, by its key."""
-        found: dict[str, float] = {}
-        named = {"ate": self.ape, "ate_rot": self.ape_rot, "rpe": self.rpe, "rpe_rot": self.rpe_rot}
-        for name, errors in named.items():
-            if errors is not None:
-                found |= _flat(name, errors.statistics)
-        if self.kitti is not None:
-            found["kitti.trans_percent"] = float(self.kitti.trans_percent.mean())
-            found["kitti.rot_deg_per_m"] = float(self.kitti.rot_deg_per_m.mean())
-        if self.subtrajectories:
-            for name in ("rel_trans_perc", "rel_rot_deg_per_m"):
-                means = [record.statistics()[name].mean for record in self.subtrajectories]
-                found[f"segments.{name}"] = float(np.mean(means))
-        found["coverage.time"] = self.coverage_time
-        found["coverage.poses"] = self.coverage_poses
-        found["matched"] = len(self.matched)
-        found["scale"] = self.alignment.scale
-        return found
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as one document."""
-        document: dict[str, Any] = {
-            "kind": "trajectory",
-            "poses": {
-                "estimate": self.matched.num_estimate,
-                "reference": self.matched.num_reference,
-                "matched": len(self.matched),
-            },
-            "coverage": {"time": self.coverage_time, "poses": self.coverage_poses},
-            "length_m": {"estimate": self.matched.estimate.length_m, "reference": self.matched.reference.length_m},
-            "alignment": {
-                "mode": self.options.align.value,
-                "num_poses": self.options.num_to_align,
-                "scale": self.alignment.scale,
-                "matrix": self.alignment.matrix,
-            },
-        }
-        for name, errors in (
-            ("ate", self.ape),
-            ("ate_rot", self.ape_rot),
-            ("rpe", self.rpe),
-            ("rpe_rot", self.rpe_rot),
-        ):
-            if errors is not None:
-                document[name] = _described(errors)
-        if self.rpe is not None:
-            document["rpe"] |= {
-                "delta": self.options.delta,
-                "delta_unit": self.options.delta_unit.name.lower(),
-                "all_pairs": self.options.all_pairs,
-            }
-        if self.kitti is not None:
-            document["kitti"] = _kitti_document(self.kitti)
-        if self.subtrajectories:
-            document["segments"] = [
-                {"length_m": record.length_m} | {name: s.as_dict() for name, s in record.statistics().items()}
-                for record in self.subtrajectories
-            ]
-        return document
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RelationsScore:
-    """A trajectory against true relations."""
-
-    trajectory: Trajectory
-    relations: Relations
-    result: RelationsResult
-
-    def figures(self) -> dict[str, float]:
-        """Return every figure that a threshold can be set on, by its key."""
-        found: dict[str, float] = {}
-        for name, statistics in self._statistics().items():
-            found |= _flat(f"relations.{name}", statistics)
-        found["relations.matched"] = self.result.num_matched
-        found["relations.coverage"] = self.result.num_matched / self.result.num_relations
-        return found
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as one document."""
-        statistics = {name: s.as_dict() for name, s in self._statistics().items()}
-        counts = {
-            "count": self.result.num_relations,
-            "matched": self.result.num_matched,
-            "unmatched": self.result.num_relations - self.result.num_matched,
-            "coverage": self.result.num_matched / self.result.num_relations,
-        }
-        return {
-            "kind": "relations",
-            "poses": {"estimate": len(self.trajectory)},
-            "relations": counts | statistics,
-        }
-
-    def _statistics(self) -> dict[str, Statistics]:
-        result = self.result
-        return {
-            "trans": result.trans,
-            "rot": result.rot_deg,
-            "trans_squared": result.trans_squared,
-            "rot_squared": result.rot_squared_deg,
-        }
 
 
 def evaluate_trajectory(
@@ -281,59 +127,6 @@ def score_trajectory(
         )
 
 
-def evaluate_relations(
-    estimate: PathLike,
-    relations: PathLike,
-    *,
-    max_gap_s: float = 0.5,
-    estimate_times: PathLike | None = None,
-    time_unit: str = "auto",
-    log: RunLog | None = None,
-) -> RelationsScore:
-    """Return the errors of an estimated trajectory over true relations.
-
-    Parameters
-    ----------
-    estimate
-        See `slamcli.pipelines.trajectories.load_trajectory`.
-    relations
-        A relations file: see `slamcli.formats.relations`.
-    max_gap_s
-        Largest distance in time from a relation's time to the nearest pose, seconds.
-    estimate_times, time_unit, log
-        As in :func:`evaluate_trajectory`.
-
-    Raises
-    ------
-    InputError
-        If an input cannot be read.
-    EstimationError
-        If no relation has poses at both of its times.
-    """
-    log = log or RunLog()
-    with log.stage("load"):
-        trajectory = load_trajectory(estimate, times=estimate_times, unit=time_unit, log=log)
-        true = read_relations(relations, log=log, unit=time_unit)
-    with log.stage("measure"):
-        result = relation_errors(trajectory, true, max_gap_s=max_gap_s)
-    if not result.num_matched:
-        times = np.concatenate([true.first_ns, true.second_ns]) / 1e9
-        stamps = trajectory.stamps_s
-        raise EstimationError(
-            f"none of {len(true)} relations has poses within {max_gap_s:g} s of its times: the relations cover"
-            f" {times.min():.6f} to {times.max():.6f} s, {trajectory.source} {stamps.min():.6f} to {stamps.max():.6f} s"
-        )
-    if result.num_matched < len(true):
-        log.warn(
-            f"{len(true) - result.num_matched} of {len(true)} relations are unmatched: no pose within {max_gap_s:g} s of"
-            " one of their times"
-        )
-    backward = int((np.diff(trajectory.stamps_ns) < 0).sum())
-    if backward:
-        log.note(f"{trajectory.source}: {backward} stamps run backwards; poses are taken by their stamps")
-    return RelationsScore(trajectory=trajectory, relations=true, result=result)
-
-
 def _match(estimate: Trajectory, reference: Trajectory, options: MatchOptions, log: RunLog) -> Matched:
     if not (estimate.timed and reference.timed) and (options.start_s is not None or options.end_s is not None):
         raise UsageError("a time range needs stamps: KITTI files have none without a times file")
@@ -403,34 +196,3 @@ def _segments(
         longest = min(options.segment_lengths_m or KITTI_LENGTHS_M)
         log.warn(f"no segment of {longest:g} m: the reference is {ref.length_m:.1f} m long where it is matched")
     return found
-
-
-def _flat(name: str, statistics: Statistics) -> dict[str, float]:
-    return {f"{name}.{key}": value for key, value in statistics.as_dict().items() if key != "count"}
-
-
-def _described(errors: PoseErrors) -> dict[str, Any]:
-    return {
-        "pose_relation": errors.relation.value,
-        "unit": errors.relation.unit,
-        **errors.statistics.as_dict(),
-    }
-
-
-def _kitti_document(kitti: KittiErrors) -> dict[str, Any]:
-    lengths: Sequence[float] = np.unique(kitti.length_m).tolist()
-    rows = [
-        {
-            "length_m": length,
-            "trans_percent": float(kitti.trans_percent[kitti.length_m == length].mean()),
-            "rot_deg_per_m": float(kitti.rot_deg_per_m[kitti.length_m == length].mean()),
-            "count": int((kitti.length_m == length).sum()),
-        }
-        for length in lengths
-    ]
-    return {
-        "trans_percent": float(kitti.trans_percent.mean()),
-        "rot_deg_per_m": float(kitti.rot_deg_per_m.mean()),
-        "count": len(kitti.first),
-        "lengths": rows,
-    }

@@ -17,8 +17,9 @@ from slamcli.errors import UsageError
 from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.outputs import atomic_directory, atomic_file
-from slamcli.pipelines.evaluate import RelationsScore, TrajectoryScore
+from slamcli.pipelines.evaluate import TrajectoryScore
 from slamcli.pipelines.evaluate_map import MapScore
+from slamcli.pipelines.evaluate_relations import RelationsScore
 from slamcli.pipelines.evaluation_request import Request, Score
 from slamcli.pipelines.run_record import describe_inputs, to_json
 from slamcli.pipelines.trajectories import parse_source

@@ -12,8 +12,9 @@ from typing import Any, Protocol
 from slamcli.errors import FormatError, UsageError
 from slamcli.evaluation import AlignMode, DeltaUnit, PoseRelation
 from slamcli.formats.relations import looks_like_relations
-from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_relations, evaluate_trajectory
+from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_trajectory
 from slamcli.pipelines.evaluate_map import evaluate_map
+from slamcli.pipelines.evaluate_relations import evaluate_relations
 from slamcli.pipelines.trajectories import is_recording, parse_source
 from slamcli.runtime import RunLog
 
