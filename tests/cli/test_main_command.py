@@ -55,6 +55,7 @@ def test_help_answers_in_under_300_ms():
 def test_every_command_and_every_option_has_help():
     for name, command in all_commands():
         assert command.help, name
+        assert "\\b" not in command.help, f"{name}: click needs the backspace itself, not backslash and b"
         assert command.help.strip().splitlines()[0].endswith((".", ":")), name
         for parameter in command.params:
             if isinstance(parameter, click.Option):

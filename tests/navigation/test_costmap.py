@@ -13,6 +13,8 @@ from slamcli.navigation.costmap_files import read_settings
 from slamcli.navigation.costmap_parameters import CostmapParameters
 from slamcli.navigation.footprint import padded_polygon, parse_footprint, radii
 
+pytestmark = pytest.mark.kernels
+
 
 def naive_costs(cells: np.ndarray, resolution: float, inscribed: float, inflation: float, factor: float) -> np.ndarray:
     """Costmap of a trinary map, cell by cell, as costmap_2d's formulas have it."""

@@ -22,6 +22,8 @@ from slamcli.navigation.path_shape import headings, line_integral
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import SearchSpace
 
+pytestmark = pytest.mark.kernels
+
 DATA = Path(os.environ.get("SLAMCLI_TEST_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 SQRT2 = math.sqrt(2.0)
 

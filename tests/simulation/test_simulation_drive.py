@@ -12,6 +12,8 @@ from slamcli.simulation import SimulationParameters, World, raycast, resolve_set
 from slamcli.simulation.drive import TICK_S, drive
 from slamcli.simulation.free_space import FreeSpace, true_map
 
+pytestmark = pytest.mark.kernels
+
 P = SimulationParameters()
 
 

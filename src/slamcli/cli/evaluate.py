@@ -181,7 +181,7 @@ def command(
     lower: Sequence[str],
     **options: Any,
 ) -> int:
-    r"""Score EST against REF.
+    """Score EST against REF.
 
     EST is a trajectory (TUM, KITTI or EuRoC file, recording.mcap:/topic, or recording.mcap:odom>base_link) or a map.yaml. REF is a
     true trajectory of the same kinds, a relations file, or a map.yaml; it says what is measured.
@@ -195,7 +195,7 @@ def command(
 
     Without any option for it, EST is aligned to REF by SE(3). Exit codes: 0 done, 1 failed or a threshold missed, 2 wrong usage or
     input.
-    """
+    """  # noqa: D301 - click needs the backspace itself
     from slamcli.evaluation.thresholds import judge, parse_threshold
     from slamcli.pipelines.evaluation_outputs import write_outputs
     from slamcli.pipelines.evaluation_request import Request, run_request

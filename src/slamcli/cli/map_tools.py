@@ -16,14 +16,14 @@ _MODES = click.Choice(["trinary", "scale", "raw"])
 
 @click.group()
 def command() -> None:
-    r"""Inspect, convert, crop and compare saved maps (a YAML and its picture).
+    """Inspect, convert, crop and compare saved maps (a YAML and its picture).
 
     \b
     slamcli map-tools info map.yaml
     slamcli map-tools convert map.yaml out.yaml --mode scale
     slamcli map-tools crop map.yaml small.yaml
     slamcli map-tools diff old.yaml new.yaml -o diff.png --max changed=0.01
-    """
+    """  # noqa: D301 - click needs the backspace itself
 
 
 @command.command()
@@ -81,8 +81,8 @@ def _print_info(document: dict[str, Any]) -> None:
 @click.option("--mode", type=_MODES, help="Mode of TARGET (default: that of SOURCE).")
 @click.option("--image-format", metavar="SUFFIX", help="pgm, png, bmp, tif or webp (default: pgm; png in scale mode).")
 @click.option("--negate/--no-negate", default=False, show_default=True, help="White is occupied in TARGET.")
-@click.option("--occupied-thresh", type=click.FloatRange(0, 1), default=0.65, show_default=True)
-@click.option("--free-thresh", type=click.FloatRange(0, 1), default=0.196, show_default=True)
+@click.option("--occupied-thresh", type=click.FloatRange(0, 1), default=0.65, show_default=True, help="Occupancy above which a cell is occupied, as written.")  # fmt: skip
+@click.option("--free-thresh", type=click.FloatRange(0, 1), default=0.196, show_default=True, help="Occupancy below which a cell is free, as written.")  # fmt: skip
 @click.option("--read-as", type=click.Choice(["ros1", "nav2"]), default="ros1", show_default=True, help="Whose reading of SOURCE counts.")  # fmt: skip
 @json_option
 @verbosity_options

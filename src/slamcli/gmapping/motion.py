@@ -23,9 +23,10 @@ class MotionModel:
     stt: float
 
     @classmethod
-    def of(cls, parameters: GmappingParameters) -> MotionModel:
-        """Return the model that the parameters ask for."""
-        return cls(parameters.srr, parameters.srt, parameters.str_, parameters.stt)
+    def of(cls, parameters: GmappingParameters, factor: float = 1.0) -> MotionModel:
+        """Return the model that the parameters ask for, with all ratios times `factor`."""
+        p = parameters
+        return cls(p.srr * factor, p.srt * factor, p.str_ * factor, p.stt * factor)
 
     def sigmas(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return standard deviations (3,) of x, y in metres and yaw in radians for one motion (3,)."""

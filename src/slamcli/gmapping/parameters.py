@@ -117,3 +117,13 @@ class GmappingParameters:
         extension=True,
     )
     kld_z: float = parameter(2.33, "upper quantile of the normal distribution for kld_err", minimum=0.0, extension=True)
+    match: str = parameter(
+        "surface", "hillclimb: the greedy ascent alone, as ROS gmapping; surface: two of its halvings, then a Gauss-Newton alignment with the walls",
+        choices=("surface", "hillclimb"), extension=True,
+    )  # fmt: skip
+    scan_odometry_noise: float = parameter(
+        0.1,
+        "factor on srr, srt, str and stt while scan_odometry is on: scans place the robot better than wheels",
+        minimum=0.0,
+        extension=True,
+    )

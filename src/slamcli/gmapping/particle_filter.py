@@ -14,9 +14,16 @@ from slamcli.gmapping.beams import Beams
 from slamcli.gmapping.motion import MotionModel
 from slamcli.gmapping.parameters import GmappingParameters
 from slamcli.grids.tiles import TiledMaps
-from slamcli.registration.tile_matching import HillClimb, match_particles, sample_likelihoods
+from slamcli.registration.tile_matching import HillClimb, SurfaceAlignment, match_particles, sample_likelihoods
 
 _FREE_CHECK_CELLS = math.sqrt(2)
+_CLIMB_BEFORE_ALIGNING = 2
+"""Halvings of the hill climb before the alignment with the walls: what is left is within its reach."""
+_ALIGNMENT = SurfaceAlignment(max_iterations=6)
+_PRIOR_WIDTH = 10.0
+"""Standard deviations of the motion model that count as one where the alignment is held to the prediction."""
+_LEAST_SIGMAS = np.array([0.2, 0.2, 0.1])
+"""Least standard deviations (metres, radians) by which the alignment is held where walls do not hold it, as in a corridor."""
 _KLD_BIN = np.array([0.1, 0.1, math.radians(2.0)])
 
 
@@ -70,7 +77,7 @@ class ParticleFilter:
         self.poses = np.tile(self.start, (n, 1))
         self._log_weights, self._weight_sums = np.zeros(n), np.zeros(n)
         self._parents = np.arange(n)
-        self._motion_model = MotionModel.of(p)
+        self._motion_model = MotionModel.of(p, p.scan_odometry_noise if p.scan_odometry else 1.0)
         self._matching = matching_settings(p)
         self._since_update = np.zeros(3)
 
@@ -105,7 +112,11 @@ class ParticleFilter:
 
     def _match(self, beams: Beams, record: StepRecord) -> None:
         predicted = self.poses.copy()
-        scores, likelihoods = match_particles(self.maps, beams.points, beams.directions, self.poses, self._matching)
+        surface = _ALIGNMENT if self.parameters.match == "surface" else None
+        information = 1.0 / np.maximum(_PRIOR_WIDTH**2 * self._since_update, _LEAST_SIGMAS**2)
+        scores, likelihoods = match_particles(
+            self.maps, beams.points, beams.directions, self.poses, self._matching, surface, information
+        )
         if self.parameters.proposal == "improved":
             likelihoods = self._draw_from_proposal(beams, predicted)
         self._log_weights += likelihoods
@@ -172,7 +183,7 @@ def matching_settings(parameters: GmappingParameters) -> HillClimb:
     free_check = _FREE_CHECK_CELLS * p.delta if p.free_check else 0.0
     return HillClimb(
         window=p.kernelSize, free_check_m=free_check, sigma=p.sigma, lsigma=p.lsigma, lstep_m=p.lstep, astep_rad=p.astep,
-        iterations=p.iterations, minimum_score=p.minimumScore,
+        iterations=min(p.iterations, _CLIMB_BEFORE_ALIGNING) if p.match == "surface" else p.iterations, minimum_score=p.minimumScore,
     )  # fmt: skip
 
 

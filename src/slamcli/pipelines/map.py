@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from slamcli.errors import UsageError
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
@@ -99,7 +98,8 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             if result.grid is not None:
                 write_map(folder / "map.yaml", result.grid, mode=request.map_mode)
             write_tum(folder / "trajectory.tum", result.trajectory)
-            picture = _picture(request, result, score, log)
+            truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
+            picture = b"" if result.grid is None else map_png(result.grid, trajectory=result.trajectory, truth=truth)
             (folder / "map.png").write_bytes(picture)
         outputs = sorted([*(path.name for path in folder.iterdir()), "report.html", "run.json"])
         run = run_document(
@@ -108,7 +108,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             duration_s=duration_s, summary=_summary(result, score), outputs=outputs,
         )  # fmt: skip
         page = report(
-            run, map_image=picture, steps=result.steps, trajectory=result.trajectory, truth=None if score is None else score.reference,
+            run, map_image=picture, steps=result.steps, trajectory=result.trajectory, truth=truth,
             errors=_errors(score), grid=result.grid, declared=declarations(type(config.parameters)),
         )  # fmt: skip
         (folder / "report.html").write_text(page, encoding="utf-8")
@@ -155,13 +155,6 @@ def _score(request: MapRequest, trajectory: Trajectory, log: RunLog) -> Trajecto
     if request.truth is None:
         return None
     return score_trajectory(trajectory, load_trajectory(request.truth, log=log), log=log)
-
-
-def _picture(request: MapRequest, result: MappingResult, score: TrajectoryScore | None, log: RunLog) -> bytes:
-    if result.grid is None:
-        raise UsageError(f"{request.algo} made no grid")
-    truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
-    return map_png(result.grid, trajectory=result.trajectory, truth=truth)
 
 
 def _changed(config: NativeConfig) -> dict[str, Any]:

@@ -146,23 +146,6 @@ def hill_climb(view, points, directions, pose, window, fullness, free_check, sig
 
 
 @njit(cache=True, nogil=True)
-def match_particles(cells, tables, corner_x, corner_y, delta, points, directions, poses, scores, likelihoods, first, last,
-                    window, fullness, free_check, sigma, lsigma, lstep, astep, iterations, minimum_score):  # fmt: skip
-    """Hill climb and likelihood of particles first to last - 1; poses move where the score is over the minimum."""
-    for p in range(first, last):
-        view = (cells, tables[p], corner_x, corner_y, delta)
-        x, y, yaw, score = hill_climb(
-            view, points, directions, poses[p], window, fullness, free_check, sigma, lstep, astep, iterations
-        )
-        scores[p] = score
-        if score > minimum_score:
-            poses[p, 0], poses[p, 1], poses[p, 2] = x, y, yaw
-        likelihoods[p] = log_likelihood(
-            view, points, directions, poses[p, 0], poses[p, 1], poses[p, 2], window, fullness, free_check, lsigma
-        )
-
-
-@njit(cache=True, nogil=True)
 def sample_likelihoods(cells, tables, corner_x, corner_y, delta, points, directions, poses, offsets, out, first, last,
                        window, fullness, free_check, lsigma):  # fmt: skip
     """Likelihoods out (particles, samples) at each particle's pose plus each offset (samples, 3)."""
@@ -278,3 +261,30 @@ def align(view, points, start, prior, information, window, fullness, noise, scal
         if dx * dx + dy * dy < 1e-8 and dyaw * dyaw < 1e-8:
             break
     return x, y, yaw, quality
+
+
+@njit(cache=True, nogil=True)
+def match_particles(cells, tables, corner_x, corner_y, delta, points, directions, poses, scores, likelihoods, first, last,
+                    window, fullness, free_check, sigma, lsigma, lstep, astep, iterations, minimum_score,
+                    information, noise, scale, max_alignments):  # fmt: skip
+    """Match particles first to last - 1; poses move where the score is over the minimum.
+
+    A hill climb, then at most `max_alignments` Gauss-Newton steps that draw to the predicted pose by `information` (3,).
+    """
+    for p in range(first, last):
+        view = (cells, tables[p], corner_x, corner_y, delta)
+        x, y, yaw, score = hill_climb(
+            view, points, directions, poses[p], window, fullness, free_check, sigma, lstep, astep, iterations
+        )
+        if max_alignments > 0:
+            climbed = np.array([x, y, yaw])
+            x, y, yaw, _ = align(
+                view, points, climbed, poses[p], information, window, fullness, noise, scale, max_alignments
+            )
+            score = score_pose(view, points, directions, x, y, yaw, window, fullness, free_check, sigma)
+        scores[p] = score
+        if score > minimum_score:
+            poses[p, 0], poses[p, 1], poses[p, 2] = x, y, yaw
+        likelihoods[p] = log_likelihood(
+            view, points, directions, poses[p, 0], poses[p, 1], poses[p, 2], window, fullness, free_check, lsigma
+        )

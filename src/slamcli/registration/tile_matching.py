@@ -31,14 +31,37 @@ class HillClimb:
     minimum_score: float = 0.0
 
 
-def match_particles(maps: TiledMaps, points: NDArray[np.float64], directions: NDArray[np.float64], poses: NDArray[np.float64],
-                    settings: HillClimb) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceAlignment:
+    """Settings of the Gauss-Newton alignment of points with the surface that neighbouring cells form."""
+
+    window: int = 1
+    fullness: float = 0.1
+    noise_m: float = 0.02
+    """Standard deviation that is added to the spread of the cells: keeps a perfect line from counting without limit."""
+    scale: float = 4.0
+    """Squared Mahalanobis distance at which a residual's weight is a half (Geman and McClure)."""
+    max_iterations: int = 12
+
+
+def match_particles(
+    maps: TiledMaps,
+    points: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    climb: HillClimb,
+    surface: SurfaceAlignment | None = None,
+    information: NDArray[np.float64] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Match one scan with every map and move `poses` (N, 3) in place where the score is over the minimum.
 
     Parameters
     ----------
     points : float64 (B, 2), end points in the base frame, metres.
     directions : float64 (B, 2), unit vectors of the beams in the base frame.
+    climb : settings of the hill climb, which comes first.
+    surface : settings of the Gauss-Newton alignment that follows; None for none.
+    information : float64 (3,), by which that alignment is drawn to the pose from which the climb began; None for 0.
 
     Returns
     -------
@@ -46,12 +69,14 @@ def match_particles(maps: TiledMaps, points: NDArray[np.float64], directions: ND
     """
     scores, likelihoods = np.zeros(len(poses)), np.zeros(len(poses))
     x, y = maps.origin
-    s = settings
+    s, a = climb, surface or SurfaceAlignment(max_iterations=0)
+    prior = np.zeros(3) if information is None else information
 
     def work(chunk: range) -> None:
         kernels.match_particles(
             maps.cells, maps.tables, x, y, maps.delta, points, directions, poses, scores, likelihoods, chunk.start, chunk.stop,
             s.window, s.fullness, s.free_check_m, s.sigma, s.lsigma, s.lstep_m, s.astep_rad, s.iterations, s.minimum_score,
+            prior, a.noise_m, a.scale, a.max_iterations,
         )  # fmt: skip
 
     maps.each(work)
@@ -73,19 +98,6 @@ def sample_likelihoods(maps: TiledMaps, points: NDArray[np.float64], directions:
 
     maps.each(work)
     return out
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceAlignment:
-    """Settings of the Gauss-Newton alignment of points with the surface that neighbouring cells form."""
-
-    window: int = 1
-    fullness: float = 0.1
-    noise_m: float = 0.02
-    """Standard deviation that is added to the spread of the cells: keeps a perfect line from counting without limit."""
-    scale: float = 4.0
-    """Squared Mahalanobis distance at which a residual's weight is a half (Geman and McClure)."""
-    max_iterations: int = 12
 
 
 def surface_aligner(
