@@ -274,7 +274,8 @@ def _interpolate(base: Trajectory, stamps_ns: NDArray[np.int64]) -> NDArray[np.f
 def _end_points(scan: LaserScan) -> NDArray[np.float64]:
     """Return the points (N, 2) that a scan hit, metres, in the scanner's frame."""
     step = max(1, scan.num_beams // _MOST_BEAMS)
-    ranges, angles = scan.ranges_m[::step].astype(np.float64), scan.angles_rad[::step]
+    with np.errstate(invalid="ignore"):  # a signalling NaN of a broken message is "no answer" as any other
+        ranges, angles = scan.ranges_m[::step].astype(np.float64), scan.angles_rad[::step]
     hit = np.isfinite(ranges) & (ranges > max(scan.range_min_m, 0.0)) & (ranges < scan.range_max_m)
     return np.column_stack([ranges[hit] * np.cos(angles[hit]), ranges[hit] * np.sin(angles[hit])])
 
