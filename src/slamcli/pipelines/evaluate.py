@@ -27,6 +27,7 @@ from slamcli.evaluation.segments import (
 from slamcli.geometry.alignment import Similarity
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.trajectory_score import ErrorOptions, TrajectoryScore
+from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Matched, Trajectory, associate, crop_time, downsample, motion_filter
 from slamcli.trajectory.association import SyncMethod
@@ -63,6 +64,7 @@ def evaluate_trajectory(
     estimate_times: PathLike | None = None,
     reference_times: PathLike | None = None,
     time_unit: str = "auto",
+    mends: Mends | None = None,
     log: RunLog | None = None,
 ) -> TrajectoryScore:
     """Return the errors of an estimated trajectory against a true one.
@@ -77,6 +79,8 @@ def evaluate_trajectory(
         Files of stamps for KITTI files.
     time_unit
         Unit of the stamps of files.
+    mends
+        What is mended while a recording is read.
     log
         Takes notes and warnings.
 
@@ -89,8 +93,8 @@ def evaluate_trajectory(
     """
     log = log or RunLog()
     with log.stage("load"):
-        est = load_trajectory(estimate, times=estimate_times, unit=time_unit, log=log)
-        ref = load_trajectory(reference, times=reference_times, unit=time_unit, log=log)
+        est = load_trajectory(estimate, times=estimate_times, unit=time_unit, mends=mends, log=log)
+        ref = load_trajectory(reference, times=reference_times, unit=time_unit, mends=mends, log=log)
     return score_trajectory(est, ref, match=match, errors=errors, log=log)
 
 

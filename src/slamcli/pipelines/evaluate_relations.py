@@ -14,6 +14,7 @@ from slamcli.evaluation import Relations, RelationsResult, relation_errors
 from slamcli.evaluation.statistics import Statistics
 from slamcli.formats.relations import read_relations
 from slamcli.pipelines.trajectories import load_trajectory
+from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
@@ -69,6 +70,7 @@ def evaluate_relations(
     max_gap_s: float = 0.5,
     estimate_times: PathLike | None = None,
     time_unit: str = "auto",
+    mends: Mends | None = None,
     log: RunLog | None = None,
 ) -> RelationsScore:
     """Return the errors of an estimated trajectory over true relations.
@@ -81,7 +83,7 @@ def evaluate_relations(
         A relations file: see `slamcli.formats.relations`.
     max_gap_s
         Largest distance in time from a relation's time to the nearest pose, seconds.
-    estimate_times, time_unit, log
+    estimate_times, time_unit, mends, log
         As in :func:`slamcli.pipelines.evaluate.evaluate_trajectory`.
 
     Raises
@@ -93,7 +95,7 @@ def evaluate_relations(
     """
     log = log or RunLog()
     with log.stage("load"):
-        trajectory = load_trajectory(estimate, times=estimate_times, unit=time_unit, log=log)
+        trajectory = load_trajectory(estimate, times=estimate_times, unit=time_unit, mends=mends, log=log)
         true = read_relations(relations, log=log, unit=time_unit)
     with log.stage("measure"):
         result = relation_errors(trajectory, true, max_gap_s=max_gap_s)

@@ -39,6 +39,11 @@ def classic_kind(paths: Sequence[Path], breezy: BreezyOptions | None = None) -> 
     return kind
 
 
+def has_classic_content(path: Path) -> bool:
+    """Return whether a file is a classic log by its content alone, whatever its name says."""
+    return path.is_file() and (is_carmen(path) or is_breezy(path))
+
+
 def _kind_of(path: Path, breezy: BreezyOptions | None) -> str:
     try:
         if not path.is_file() or path.stat().st_size == 0:
