@@ -126,7 +126,8 @@ def work(options: argparse.Namespace, case: int, last: int, step: int) -> int:
     kinds = [kind for kind in options.only.split(",") if kind]
     with tempfile.TemporaryDirectory(prefix="slamcli-fuzz-") as folder:
         corpus = make_corpus(Path(folder) / "corpus", kinds)
-        for warm in corpus:  # compile and import before memory and time are watched
+        compile_kernels()
+        for warm in corpus:  # imports, too, before memory and time are watched
             run_command(COMMANDS[warm.kind][0], warm.path, Path(folder) / "warm")
         print(json.dumps({"ready": len(corpus)}), file=out, flush=True)
         while case < last:
@@ -136,6 +137,13 @@ def work(options: argparse.Namespace, case: int, last: int, step: int) -> int:
             if record.get("grown"):
                 return RESTART
     return 0
+
+
+def compile_kernels() -> None:
+    from slamcli.cli.main import run
+
+    with contextlib.redirect_stderr(io.StringIO()):
+        run(["warmup"])
 
 
 def run_case(case: int, options: argparse.Namespace, corpus: list[Any], folder: Path) -> dict[str, Any]:

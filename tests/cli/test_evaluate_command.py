@@ -329,3 +329,43 @@ def test_help_names_every_option(capsys):
     assert code == 0
     for option in ("--align", "--correct-scale", "--t-max-diff", "--project-to-plane", "--max", "--min", "--plot"):
         assert option in out
+
+
+def test_recordings_are_mended_while_they_are_read(files, capsys, circle):
+    path = files / "drive.mcap"
+    with create_recording(path) as bag:
+        for stamp, position, quat in zip(circle.stamps_ns.tolist(), circle.positions_m, circle.quats_xyzw, strict=True):
+            odometry = Odometry(stamp_ns=stamp + 7 * S, frame_id="odom", child_frame_id="base_link", position_m=position, quat_xyzw=quat)  # fmt: skip
+            bag.write("/odom", odometry)
+            bag.write("/tf", FrameTransform(stamp_ns=stamp, parent_frame_id="robot/odom", child_frame_id="base_link", position_m=position, quat_xyzw=quat))  # fmt: skip
+    mends = ["--time-offset", "/odom=-7", "--rename-frame", "robot/odom=odom"]
+    code, out, err = evaluate(
+        capsys, f"{path}:/odom", f"{path}:odom>base_link", *mends, "--json", "-o", files / "score"
+    )
+    assert (code, err) == (0, "")
+    assert json.loads(out)["ate"]["max"] < 1e-9
+    assert json.loads((files / "score" / "run.json").read_text())["parameters"]["mends"] == {
+        "--time-offset": ["/odom=-7"],
+        "--rename-frame": ["robot/odom=odom"],
+    }
+    code, out, err = evaluate(capsys, f"{path}:/odom", f"{path}:/odom", "--time-offset", "/tf=1", "--rename-frame", "a=b")  # fmt: skip
+    assert code == 0
+    assert "--time-offset /tf changed nothing" in err
+    assert "--rename-frame a=b changed nothing" in err
+    code, out, err = evaluate(capsys, files / "run.tum", files / "truth.tum", "--flip-scan")
+    assert "--flip-scan has no meaning here" in err
+    code, out, err = evaluate(capsys, f"{path}:/odom", files / "truth.tum", "--time-offset", "/odo=1")
+    assert code == 2
+    assert "no such topic" in err
+
+
+def test_a_classic_log_is_a_recording(files, capsys):
+    lines = [f"ODOM {i / 10} {i * i / 100} 0 0 0 0 {1000 + i / 10} host {i / 10}" for i in range(30)]
+    lines += [f"FLASER 4 1 2 3 4 {i / 10} 0 0 {i / 10} 0 0 {1000 + i / 10} host {i / 10}" for i in range(30)]
+    (files / "walk.clf").write_text("\n".join(lines) + "\n")
+    code, _, err = evaluate(capsys, files / "walk.clf", files / "truth.tum")
+    assert code == 2
+    assert "walk.clf:/odom" in err
+    code, out, _ = evaluate(capsys, f"{files}/walk.clf:/odom", f"{files}/walk.clf:odom>base_link", "--align-type", "none", "--metric", "ape", "--json")  # fmt: skip
+    assert code == 0
+    assert json.loads(out)["poses"]["matched"] >= 30

@@ -229,7 +229,7 @@ def test_open_without_a_desktop(result, monkeypatch, capsys):
         (["{result}/map.pgm"], ".yaml"),
         (["{empty}"], "neither a result"),
         (["{text}"], "trajectory"),
-        (["{log}"], "slamcli convert"),
+        (["{log}"], "x.clf.gz"),
         (["{result}", "--truth", "gone.tum"], "gone.tum"),
         (["{recording}", "--start", "99"], "--start"),
         (["{result}", "--max-pixels", "1"], "max-pixels"),
@@ -275,3 +275,35 @@ def test_real_data(name, tmp_path, capsys):
     output = tmp_path / "x.png"
     assert run(["view", str(DATA / name), "-o", str(output), "-q"]) == 0
     assert min(size(output)) > 300
+
+
+def test_the_last_map_of_a_recording_is_drawn(result, tmp_path, capsys):
+    from slamcli.formats.maps import read_map
+    from slamcli.recordings.adapters import StampedGrid
+
+    grid = read_map(result / "map.yaml").grid
+    path = tmp_path / "nav.mcap"
+    with create_recording(path) as bag:
+        bag.write("/costmap", StampedGrid(stamp_ns=BEGIN, grid=OccupancyGrid(grid.cells[:5, :5].copy(), 0.05)))
+        bag.write("/map", StampedGrid(stamp_ns=BEGIN, grid=OccupancyGrid(grid.cells[:50].copy(), 0.05)))
+        for i, pose in enumerate(loop().poses_se2):
+            stamp = BEGIN + i * 100_000_000
+            bag.write("/tf", FrameTransform(stamp_ns=stamp, parent_frame_id="map", child_frame_id="base_link", position_m=np.array([pose[0], pose[1], 0.0]), quat_xyzw=quaternion.from_yaw(pose[2])))  # fmt: skip
+        bag.write("/map", StampedGrid(stamp_ns=BEGIN + 5 * 10**9, grid=grid))
+    assert run(["view", str(path), "-o", str(tmp_path / "a.png"), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)["map"]
+    assert (shown["topic"], shown["stamp_ns"]) == ("/map", BEGIN + 5 * 10**9)
+    assert (shown["width_cells"], shown["height_cells"]) == (120, 100)
+    assert pixels(tmp_path / "a.png").shape[0] > 400
+    assert run(["view", str(path), "-o", str(tmp_path / "b.png"), "--json", "--duration", "3"]) == 0
+    assert json.loads(capsys.readouterr().out)["map"]["height_cells"] == 50
+
+
+def test_a_classic_log_is_drawn_as_it_is(tmp_path, capsys):
+    lines = [f"FLASER 4 1 2 3 4 {i / 10} 0 0 {i / 10} 0 0 {1000 + i / 10} host {i / 10}" for i in range(30)]
+    (tmp_path / "walk.clf").write_text("\n".join(lines) + "\n")
+    assert run(["view", str(tmp_path / "walk.clf"), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["kind"] == "recording"
+    assert shown["scans_drawn"] == 30
+    assert Path(shown["output"]).is_file()

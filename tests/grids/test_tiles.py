@@ -133,3 +133,13 @@ def test_a_pose_that_is_far_away_is_refused_before_memory_is_taken():
     maps = TiledMaps(1, DELTA, (-1.0, -1.0, 1.0, 1.0))
     with pytest.raises(DataError, match="the map would grow to"):
         maps.add_scan(np.array([[1e7, 0.0, 0.0]]), np.zeros((1, 2)), np.array([[1.0, 0.0]]), np.array([True]))
+
+
+def test_an_absurd_first_extent_is_only_a_first_extent():
+    maps = TiledMaps(1, DELTA, (-1e5, -1e5, 1e5, 1e5))
+    assert maps.tables.size < 100
+    counts = {}
+    pose, start, ends, hit = np.array([3.013, 4.013, 0.1]), np.zeros((1, 2)), np.array([[1.0, 0.5]]), np.array([True])
+    maps.add_scan(pose[None], start, ends, hit)
+    naive_add(counts, pose, start, ends, hit)
+    assert_equal(maps, 0, counts)

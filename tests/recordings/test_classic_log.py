@@ -79,4 +79,4 @@ def test_classic_logs_stand_alone(tmp_path: Path) -> None:
 def test_what_is_no_classic_log(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("hello\n")
     (tmp_path / "empty.clf").write_text("")
-    assert [classic_kind(tmp_path / name) for name in ("a.txt", "empty.clf", "missing.clf", ".")] == ["", "", "", ""]
+    assert [classic_kind([tmp_path / name]) for name in ("a.txt", "empty.clf", "missing.clf", ".")] == ["", "", "", ""]

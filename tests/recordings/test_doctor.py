@@ -465,3 +465,23 @@ def test_help_names_the_mends() -> None:
         for option in ("--time-offset", "--rename-frame", "--static-tf", "--urdf", "--laser-pose", "--camera-info",
                        "--flip-scan", "--depth-scale", "--no-return"):  # fmt: skip
             assert option in shown
+
+
+def _swept(time_increment_s: float, scan_time_s: float, log_delay_s: float, path: Path) -> Diagnosis:
+    def scan(self: Robot, i: int, stamp: int, yaw: float) -> LaserScan:
+        return _scan(stamp, yaw, time_increment_s=time_increment_s, scan_time_s=scan_time_s)
+
+    def log(self: Robot, i: int, stamp: int) -> int:
+        return stamp + round(log_delay_s * 1e9)
+
+    # The robot's scans come every 0.1 s.
+    return _diagnose(_faulty(scan=scan, scan_log_ns=log).write(path))
+
+
+@pytest.mark.parametrize("times", [(0.1 / 119, 0.1), (0.0, 0.1), (0.0, 0.0), (1e-9, 1e-4), (5.0, 1e9)])
+def test_a_sweep_is_no_clock_offset(tmp_path: Path, times: tuple[float, float]) -> None:
+    assert not _by(_swept(*times, 0.15, tmp_path / "a.mcap"), "error", "warning")
+    late = _swept(*times, 0.4, tmp_path / "b.mcap")
+    (finding,) = _found(late, "stamp-clocks")
+    assert finding.mend == "--time-offset /scan=0.300"
+    assert "beside a sweep of 0.100 s" in _found(late, "stamp-delay")[0].message

@@ -11,9 +11,11 @@ from click.core import ParameterSource
 
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
+from slamcli.cli.recording_options import given_mends, recording_options
 
 if TYPE_CHECKING:
     from slamcli.evaluation.thresholds import Verdict
+    from slamcli.recordings.mends import Mends
 
 _RELATIONS = [
     "full",
@@ -168,6 +170,7 @@ def _normalise(token: str) -> str:
 @click.option(
     "-o", "--output", metavar="DIR", help="Write evaluation.json, errors.csv, aligned.tum, plot.png and run.json there."
 )
+@recording_options
 @json_option
 @verbosity_options
 def command(
@@ -179,6 +182,7 @@ def command(
     output: str | None,
     upper: Sequence[str],
     lower: Sequence[str],
+    mends: Mends,
     **options: Any,
 ) -> int:
     """Score EST against REF.
@@ -208,7 +212,14 @@ def command(
         log = RunLog(console)
         context = click.get_current_context()
         given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-        request = Request(estimate=estimate, reference=reference, options=options, given=frozenset(given))
+        request = Request(
+            estimate=estimate,
+            reference=reference,
+            options=options,
+            given=frozenset(given),
+            mends=mends,
+            given_mends=given_mends(context),
+        )
         score = run_request(request, log)
         verdicts = judge(score.figures(), thresholds)
         document = {"estimate": estimate, "reference": reference} | score.as_dict()

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 _OPTIONS = (
     click.option(
@@ -65,6 +66,30 @@ _OPTIONS = (
         help="Beams without return: ignore them, let them clear space up to the usable range, or take them as hits there.",
     ),
 )
+
+
+_NAMES = (
+    "--time-offset",
+    "--rename-frame",
+    "--static-tf",
+    "--urdf",
+    "--laser-pose",
+    "--camera-info",
+    "--flip-scan",
+    "--depth-scale",
+    "--no-return",
+)
+
+
+def given_mends(context: click.Context) -> dict[str, Any]:
+    """Return what the user gave of these options, by the option's name."""
+    return {
+        option: value
+        for parameter in context.command.params
+        if (option := parameter.opts[0]) in _NAMES
+        and context.get_parameter_source(parameter.name or "") is ParameterSource.COMMANDLINE
+        and (value := context.params[parameter.name or ""]) is not None
+    }
 
 
 def recording_options(function: Callable[..., Any]) -> Callable[..., Any]:

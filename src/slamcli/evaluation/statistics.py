@@ -59,3 +59,7 @@ class Statistics:
     def as_dict(self) -> dict[str, float]:
         """Return the figures by name."""
         return asdict(self)
+
+    def figures(self, name: str) -> dict[str, float]:
+        """Return the figures by the keys that a threshold can be set on: ``name.rmse`` and so on, without the count."""
+        return {f"{name}.{key}": value for key, value in self.as_dict().items() if key != "count"}

@@ -51,16 +51,28 @@ class OccupancyGrid:
 
     def map_to_cell(self, points_map: ArrayLike) -> NDArray[np.int64]:
         """Return row and column (N, 2) of the cells that hold points (N, 2), metres, map frame; may lie outside."""
-        points = np.asarray(points_map, dtype=np.float64).reshape(-1, 2) - np.asarray(self.origin[:2])
-        c, s = np.cos(self.origin[2]), np.sin(self.origin[2])
-        local = points @ np.array([[c, -s], [s, c]])
-        return np.floor(local[:, ::-1] / self.resolution_m).astype(np.int64)
+        points = np.asarray(points_map, dtype=np.float64).reshape(-1, 2)
+        x, y = points[:, 0] - self.origin[0], points[:, 1] - self.origin[1]
+        if self.origin[2] != 0.0:
+            c, s = np.cos(self.origin[2]), np.sin(self.origin[2])
+            x, y = c * x + s * y, c * y - s * x
+        cells = np.empty(points.shape, dtype=np.int64)
+        for column, local in enumerate((y, x)):
+            local /= self.resolution_m
+            cells[:, column] = np.floor(local, out=local)
+        return cells
 
     def cell_to_map(self, cells_rc: ArrayLike) -> NDArray[np.float64]:
         """Return the centres (N, 2), metres, map frame, of cells given as row and column (N, 2), fractions allowed."""
-        local = (np.asarray(cells_rc, dtype=np.float64).reshape(-1, 2)[:, ::-1] + 0.5) * self.resolution_m
-        c, s = np.cos(self.origin[2]), np.sin(self.origin[2])
-        return local @ np.array([[c, s], [-s, c]]) + np.asarray(self.origin[:2])
+        cells = np.asarray(cells_rc).reshape(-1, 2)
+        x, y = (np.add(cells[:, column], 0.5, dtype=np.float64) * self.resolution_m for column in (1, 0))
+        if self.origin[2] != 0.0:
+            c, s = np.cos(self.origin[2]), np.sin(self.origin[2])
+            x, y = c * x - s * y, s * x + c * y
+        points = np.empty(cells.shape)
+        np.add(x, self.origin[0], out=points[:, 0])
+        np.add(y, self.origin[1], out=points[:, 1])
+        return points
 
     def contains(self, cells_rc: ArrayLike) -> NDArray[np.bool_]:
         """Return whether cells (N, 2), row and column, lie on the grid."""

@@ -15,7 +15,7 @@ from slamcli.grids import _tile_kernels as _kernels
 from slamcli.grids.occupancy import OccupancyGrid
 
 _RESERVED_TILES = 1 << 16  # 1 GiB of address space; the system gives memory to the tiles that are written
-_MAX_TILES_PER_SIDE = 1 << 14  # 26 km at 5 cm: a pose beyond it is a broken one
+_MAX_TILES = 1 << 18  # 268 million cells, 819 x 819 m at 5 cm: a larger map is a broken one, and would fill the memory
 
 
 class TiledMaps:
@@ -40,7 +40,9 @@ class TiledMaps:
         x_min, y_min, x_max, y_max = bounds
         column, row = int(np.floor(x_min / self._tile_m)), int(np.floor(y_min / self._tile_m))
         columns, rows = int(np.ceil(x_max / self._tile_m)) - column, int(np.ceil(y_max / self._tile_m)) - row
-        self._check_size(rows, columns)
+        if rows * columns > _MAX_TILES:  # the extent grows by itself: a smaller first one changes nothing
+            row, column = row + rows // 2 - 2, column + columns // 2 - 2
+            rows, columns = 4, 4
         self._corner = (row, column)
         self.tables: NDArray[np.int32] = np.zeros((num_maps, max(rows, 1), max(columns, 1)), np.int32)
         self.cells: NDArray[np.float32] = np.zeros((_RESERVED_TILES, _kernels.TILE, _kernels.TILE, 4), np.float32)
@@ -173,11 +175,11 @@ class TiledMaps:
         )
         self.tables, self._corner = tables, (new_row, new_column)
 
-    @staticmethod
-    def _check_size(rows: int, columns: int) -> None:
-        if max(rows, columns) > _MAX_TILES_PER_SIDE:
+    def _check_size(self, rows: int, columns: int) -> None:
+        if rows * columns > _MAX_TILES:
             raise DataError(
-                f"the map would grow to {columns} x {rows} tiles: the odometry or the ranges are broken, or delta is too small"
+                f"the map would grow to {columns * self._tile_m:.0f} x {rows * self._tile_m:.0f} m: the odometry or the ranges "
+                f"are broken, or delta={self.delta:g} is too small for a place of this size"
             )
 
     def occupancy(self, index: int, occ_thresh: float, frame_id: str, margin_cells: int = 20) -> OccupancyGrid:
@@ -193,21 +195,31 @@ class TiledMaps:
         rows, columns = np.nonzero(self.tables[index])
         if len(rows) == 0:
             raise EstimationError("the map is empty: no beam of any scan was within range")
-        first_row, first_column = rows.min(), columns.min()
+        first_row, first_column = int(rows.min()), int(columns.min())
         size = _kernels.TILE
-        cells = np.full(((rows.max() - first_row + 1) * size, (columns.max() - first_column + 1) * size), -1, np.int8)
-        for row, column in zip(rows, columns, strict=True):
-            tile = self.cells[self.tables[index, row, column]]
-            seen = tile[..., 0] > 0
-            full = tile[..., 1] > occ_thresh * tile[..., 0]
-            i, j = (row - first_row) * size, (column - first_column) * size
-            cells[i : i + size, j : j + size] = np.where(seen, np.where(full, 100, 0), -1)
-        known: NDArray[np.bool_] = cells >= 0
-        i0, i1 = _extent(np.any(known, axis=1), margin_cells)
-        j0, j1 = _extent(np.any(known, axis=0), margin_cells)
+        places = [(int(row), int(column)) for row, column in zip(rows, columns, strict=True)]
+        blocks = [self._block(int(self.tables[index, row, column]), occ_thresh) for row, column in places]
+        corners = [((row - first_row) * size, (column - first_column) * size) for row, column in places]
+        known_rows = np.zeros((int(rows.max()) - first_row + 1) * size, np.bool_)
+        known_columns = np.zeros((int(columns.max()) - first_column + 1) * size, np.bool_)
+        for (i, j), block in zip(corners, blocks, strict=True):
+            known_rows[i : i + size] |= (block >= 0).any(axis=1)
+            known_columns[j : j + size] |= (block >= 0).any(axis=0)
+        i0, i1 = _extent(known_rows, margin_cells)
+        j0, j1 = _extent(known_columns, margin_cells)
+        cells = np.full((i1 - i0, j1 - j0), -1, np.int8)
+        for (i, j), block in zip(corners, blocks, strict=True):
+            top, left = max(i0 - i, 0), max(j0 - j, 0)
+            part = block[top : max(i1 - i, 0), left : max(j1 - j, 0)]
+            cells[i + top - i0 : i + top - i0 + part.shape[0], j + left - j0 : j + left - j0 + part.shape[1]] = part
         x, y = self.origin
         corner = (x + (first_column * size + j0) * self.delta, y + (first_row * size + i0) * self.delta, 0.0)
-        return OccupancyGrid(np.ascontiguousarray(cells[i0:i1, j0:j1]), self.delta, corner, frame_id)
+        return OccupancyGrid(cells, self.delta, corner, frame_id)
+
+    def _block(self, tile: int, occ_thresh: float) -> NDArray[np.int8]:
+        """Return the occupancy (32, 32) of one tile."""
+        visits, hits = self.cells[tile, ..., 0], self.cells[tile, ..., 1]
+        return np.where(visits > 0, np.where(hits > occ_thresh * visits, 100, 0), -1).astype(np.int8)
 
     def _in_chunks(self, work: Callable[[range], None], count: int) -> None:
         """Run `work` over ranges of 0..count, one per thread; kernels release the GIL."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slamcli.errors import RecordingError, UsageError
-from slamcli.recordings.breezy import BreezyOptions, is_breezy, read_breezy
+from slamcli.recordings.breezy import BreezyOptions, read_breezy
 from slamcli.recordings.carmen import CarmenOptions, read_carmen
-from slamcli.recordings.carmen_lines import is_carmen
+from slamcli.recordings.classic_log import classic_kind
 from slamcli.recordings.containers import create_raw, open_raw
 from slamcli.recordings.containers.transcoding import Transcoder, TranscodingError
 from slamcli.recordings.containers.writer import FileWriter
@@ -23,7 +23,6 @@ from slamcli.recordings.raw import Contents, RawMessage, RawReader, Topic
 from slamcli.recordings.writing import RecordingWriter
 from slamcli.runtime import RunLog
 
-_CARMEN_SUFFIXES = (".clf", ".log", ".clf.gz", ".log.gz")
 _PROGRESS_EVERY = 1000
 
 
@@ -130,7 +129,7 @@ def convert(
     if encoding is not None and writer.encoding not in (None, encoding):
         raise UsageError(f"{writer.format} holds {writer.encoding} messages; --encoding is for plain MCAP files")
     encoding = writer.encoding or encoding or "cdr"
-    classic = _classic_kind(paths, breezy)
+    classic = classic_kind(paths, breezy)
     if classic == "":
         copy = _Copy(writer, encoding, selection, log)
         with open_raw(paths, log) as reader, writer:
@@ -173,21 +172,6 @@ def _check_target(sources: Sequence[Path], target: Path) -> None:
             raise UsageError(f"{target}: the source {source} lies in the target, which would be replaced")
         if source.is_dir() and resolved.is_relative_to(source.resolve()):
             raise UsageError(f"{target}: the target lies in the source {source}: write it somewhere else")
-
-
-def _classic_kind(paths: Sequence[Path], breezy: BreezyOptions | None) -> str:
-    """Return ``carmen`` or ``breezy`` for a classic log, else an empty string."""
-    kinds = [_kind_of(path, breezy) for path in paths if path.is_file()]
-    kind = next((kind for kind in kinds if kind), "")
-    if kind and len(paths) > 1:
-        raise UsageError("classic logs are converted one at a time")
-    return kind
-
-
-def _kind_of(path: Path, breezy: BreezyOptions | None) -> str:
-    if path.stat().st_size and (path.name.lower().endswith(_CARMEN_SUFFIXES) or is_carmen(path)):
-        return "carmen"
-    return "breezy" if is_breezy(path, breezy) else ""
 
 
 class _Copy:

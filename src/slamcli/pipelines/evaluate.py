@@ -4,17 +4,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from slamcli.errors import EstimationError, UsageError
 from slamcli.evaluation import (
-    AlignMode,
-    DeltaUnit,
-    PoseErrors,
     PoseRelation,
     absolute_errors,
     align,
@@ -24,23 +20,23 @@ from slamcli.evaluation import (
 )
 from slamcli.evaluation.segments import (
     KITTI_LENGTHS_M,
-    KittiErrors,
-    SubtrajectoryErrors,
     kitti_errors,
     subtrajectory_errors,
     subtrajectory_lengths,
 )
-from slamcli.evaluation.statistics import Statistics
 from slamcli.geometry.alignment import Similarity
 from slamcli.pipelines.trajectories import load_trajectory
+from slamcli.pipelines.trajectory_score import ErrorOptions, TrajectoryScore
+from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Matched, Trajectory, associate, crop_time, downsample, motion_filter
 from slamcli.trajectory.association import SyncMethod
 
 PathLike = str | os.PathLike[str]
-Part = Literal["ape", "rpe", "segments"]
 
 _FEW = 0.5
+
+__all__ = ["ErrorOptions", "MatchOptions", "TrajectoryScore", "evaluate_trajectory", "score_trajectory"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,109 +55,6 @@ class MatchOptions:
     """Distance in metres and angle in radians between kept poses of either trajectory."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorOptions:
-    """What is measured; defaults as evo's, except that the estimate is aligned."""
-
-    align: AlignMode = AlignMode.SE3
-    num_to_align: int = -1
-    relation: PoseRelation = PoseRelation.TRANS_PART
-    plane: str | None = None
-    delta: float = 1.0
-    delta_unit: DeltaUnit = DeltaUnit.FRAMES
-    all_pairs: bool = False
-    delta_tol: float = 0.1
-    pairs_from_reference: bool = False
-    parts: tuple[Part, ...] = ("ape", "rpe", "segments")
-    segment_lengths_m: tuple[float, ...] = ()
-    """Lengths of segments; empty: KITTI's, and shares of the path for sub-trajectories."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrajectoryScore:
-    """A trajectory against a true one."""
-
-    options: ErrorOptions
-    matched: Matched
-    """The poses that belong together, the estimate as it was."""
-    reference: Trajectory
-    """Matched reference, projected if asked for."""
-    aligned: Trajectory
-    """Matched estimate, aligned and projected."""
-    alignment: Similarity
-    coverage_time: float
-    """Time from the first to the last matched pose over the time span of the reference; 1 without stamps."""
-    coverage_poses: float
-    """Matched poses over the poses of the sparser trajectory."""
-    ape: PoseErrors | None = None
-    ape_rot: PoseErrors | None = None
-    rpe: PoseErrors | None = None
-    rpe_rot: PoseErrors | None = None
-    kitti: KittiErrors | None = None
-    subtrajectories: tuple[SubtrajectoryErrors, ...] = ()
-
-    def figures(self) -> dict[str, float]:
-        """Return every figure that a threshold can be set on, by its key."""
-        found: dict[str, float] = {}
-        named = {"ate": self.ape, "ate_rot": self.ape_rot, "rpe": self.rpe, "rpe_rot": self.rpe_rot}
-        for name, errors in named.items():
-            if errors is not None:
-                found |= flat(name, errors.statistics)
-        if self.kitti is not None:
-            found["kitti.trans_percent"] = float(self.kitti.trans_percent.mean())
-            found["kitti.rot_deg_per_m"] = float(self.kitti.rot_deg_per_m.mean())
-        if self.subtrajectories:
-            for name in ("rel_trans_perc", "rel_rot_deg_per_m"):
-                means = [record.statistics()[name].mean for record in self.subtrajectories]
-                found[f"segments.{name}"] = float(np.mean(means))
-        found["coverage.time"] = self.coverage_time
-        found["coverage.poses"] = self.coverage_poses
-        found["matched"] = len(self.matched)
-        found["scale"] = self.alignment.scale
-        return found
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as one document."""
-        document: dict[str, Any] = {
-            "kind": "trajectory",
-            "poses": {
-                "estimate": self.matched.num_estimate,
-                "reference": self.matched.num_reference,
-                "matched": len(self.matched),
-            },
-            "coverage": {"time": self.coverage_time, "poses": self.coverage_poses},
-            "length_m": {"estimate": self.matched.estimate.length_m, "reference": self.matched.reference.length_m},
-            "alignment": {
-                "mode": self.options.align.value,
-                "num_poses": self.options.num_to_align,
-                "scale": self.alignment.scale,
-                "matrix": self.alignment.matrix,
-            },
-        }
-        for name, errors in (
-            ("ate", self.ape),
-            ("ate_rot", self.ape_rot),
-            ("rpe", self.rpe),
-            ("rpe_rot", self.rpe_rot),
-        ):
-            if errors is not None:
-                document[name] = _described(errors)
-        if self.rpe is not None:
-            document["rpe"] |= {
-                "delta": self.options.delta,
-                "delta_unit": self.options.delta_unit.name.lower(),
-                "all_pairs": self.options.all_pairs,
-            }
-        if self.kitti is not None:
-            document["kitti"] = _kitti_document(self.kitti)
-        if self.subtrajectories:
-            document["segments"] = [
-                {"length_m": record.length_m} | {name: s.as_dict() for name, s in record.statistics().items()}
-                for record in self.subtrajectories
-            ]
-        return document
-
-
 def evaluate_trajectory(
     estimate: PathLike,
     reference: PathLike,
@@ -171,6 +64,7 @@ def evaluate_trajectory(
     estimate_times: PathLike | None = None,
     reference_times: PathLike | None = None,
     time_unit: str = "auto",
+    mends: Mends | None = None,
     log: RunLog | None = None,
 ) -> TrajectoryScore:
     """Return the errors of an estimated trajectory against a true one.
@@ -185,6 +79,8 @@ def evaluate_trajectory(
         Files of stamps for KITTI files.
     time_unit
         Unit of the stamps of files.
+    mends
+        What is mended while a recording is read.
     log
         Takes notes and warnings.
 
@@ -197,8 +93,8 @@ def evaluate_trajectory(
     """
     log = log or RunLog()
     with log.stage("load"):
-        est = load_trajectory(estimate, times=estimate_times, unit=time_unit, log=log)
-        ref = load_trajectory(reference, times=reference_times, unit=time_unit, log=log)
+        est = load_trajectory(estimate, times=estimate_times, unit=time_unit, mends=mends, log=log)
+        ref = load_trajectory(reference, times=reference_times, unit=time_unit, mends=mends, log=log)
     return score_trajectory(est, ref, match=match, errors=errors, log=log)
 
 
@@ -304,35 +200,3 @@ def _segments(
         longest = min(options.segment_lengths_m or KITTI_LENGTHS_M)
         log.warn(f"no segment of {longest:g} m: the reference is {ref.length_m:.1f} m long where it is matched")
     return found
-
-
-def flat(name: str, statistics: Statistics) -> dict[str, float]:
-    """Return statistics as figures ``name.rmse``, ``name.mean`` and so on."""
-    return {f"{name}.{key}": value for key, value in statistics.as_dict().items() if key != "count"}
-
-
-def _described(errors: PoseErrors) -> dict[str, Any]:
-    return {
-        "pose_relation": errors.relation.value,
-        "unit": errors.relation.unit,
-        **errors.statistics.as_dict(),
-    }
-
-
-def _kitti_document(kitti: KittiErrors) -> dict[str, Any]:
-    lengths: Sequence[float] = np.unique(kitti.length_m).tolist()
-    rows = [
-        {
-            "length_m": length,
-            "trans_percent": float(kitti.trans_percent[kitti.length_m == length].mean()),
-            "rot_deg_per_m": float(kitti.rot_deg_per_m[kitti.length_m == length].mean()),
-            "count": int((kitti.length_m == length).sum()),
-        }
-        for length in lengths
-    ]
-    return {
-        "trans_percent": float(kitti.trans_percent.mean()),
-        "rot_deg_per_m": float(kitti.rot_deg_per_m.mean()),
-        "count": len(kitti.first),
-        "lengths": rows,
-    }

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Scores a trajectory against true relations."""
+"""Scores a trajectory against true relations between poses."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +13,12 @@ from slamcli.errors import EstimationError
 from slamcli.evaluation import Relations, RelationsResult, relation_errors
 from slamcli.evaluation.statistics import Statistics
 from slamcli.formats.relations import read_relations
-from slamcli.pipelines.evaluate import PathLike, flat
 from slamcli.pipelines.trajectories import load_trajectory
+from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+
+PathLike = str | os.PathLike[str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +33,7 @@ class RelationsScore:
         """Return every figure that a threshold can be set on, by its key."""
         found: dict[str, float] = {}
         for name, statistics in self._statistics().items():
-            found |= flat(f"relations.{name}", statistics)
+            found |= statistics.figures(f"relations.{name}")
         found["relations.matched"] = self.result.num_matched
         found["relations.coverage"] = self.result.num_matched / self.result.num_relations
         return found
@@ -67,6 +70,7 @@ def evaluate_relations(
     max_gap_s: float = 0.5,
     estimate_times: PathLike | None = None,
     time_unit: str = "auto",
+    mends: Mends | None = None,
     log: RunLog | None = None,
 ) -> RelationsScore:
     """Return the errors of an estimated trajectory over true relations.
@@ -79,8 +83,8 @@ def evaluate_relations(
         A relations file: see `slamcli.formats.relations`.
     max_gap_s
         Largest distance in time from a relation's time to the nearest pose, seconds.
-    estimate_times, time_unit, log
-        As `slamcli.pipelines.evaluate.evaluate_trajectory`.
+    estimate_times, time_unit, mends, log
+        As in :func:`slamcli.pipelines.evaluate.evaluate_trajectory`.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def evaluate_relations(
     """
     log = log or RunLog()
     with log.stage("load"):
-        trajectory = load_trajectory(estimate, times=estimate_times, unit=time_unit, log=log)
+        trajectory = load_trajectory(estimate, times=estimate_times, unit=time_unit, mends=mends, log=log)
         true = read_relations(relations, log=log, unit=time_unit)
     with log.stage("measure"):
         result = relation_errors(trajectory, true, max_gap_s=max_gap_s)

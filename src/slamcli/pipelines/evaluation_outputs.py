@@ -139,7 +139,7 @@ def _run_record(request: Request, score: Score, log: RunLog, outputs: list[str])
         "estimate": request.estimate,
         "reference": request.reference,
         "inputs": describe_inputs(paths),
-        "parameters": dict(request.options),
+        "parameters": {**request.options, **({"mends": dict(request.given_mends)} if request.given_mends else {})},
         "summary": score.figures(),
         "counts": dict(sorted(log.counts.items())),
         "warnings": log.warnings,

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,6 +16,8 @@ from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_traj
 from slamcli.pipelines.evaluate_map import evaluate_map
 from slamcli.pipelines.evaluate_relations import evaluate_relations
 from slamcli.pipelines.trajectories import is_recording, parse_source
+from slamcli.recordings.adapters.context import renaming
+from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
 
 _PARTS = ("ape", "rpe", "segments")
@@ -46,6 +48,9 @@ class Request:
     """Options by the names that ``slamcli evaluate`` gives them, underscores instead of hyphens."""
     given: frozenset[str] = frozenset()
     """Options that the user gave: those without a meaning for what is measured are told."""
+    mends: Mends = field(default_factory=Mends)
+    given_mends: Mapping[str, Any] = field(default_factory=dict)
+    """The mends as the user gave them, by option: for the record, and told where there is no recording."""
 
 
 def run_request(request: Request, log: RunLog) -> Score:
@@ -69,6 +74,7 @@ def run_request(request: Request, log: RunLog) -> Score:
             max_gap_s=_positive(options["max_gap"], "--max-gap"),
             estimate_times=options["times"],
             time_unit=options["time_unit"],
+            mends=request.mends,
             log=log,
         )
     if kind == "map":
@@ -80,7 +86,9 @@ def run_request(request: Request, log: RunLog) -> Score:
             log=log,
         )
     is_kitti = _is_untimed(request.estimate), _is_untimed(request.reference)
-    return evaluate_trajectory(
+    sources = [parse_source(text) for text in (request.estimate, request.reference)]
+    shared = all(source.part or is_recording(source.path) for source in sources)
+    score = evaluate_trajectory(
         request.estimate,
         request.reference,
         match=_match_options(options),
@@ -88,8 +96,22 @@ def run_request(request: Request, log: RunLog) -> Score:
         estimate_times=options["times"] if is_kitti[0] else None,
         reference_times=options["times"] if is_kitti[1] else None,
         time_unit=options["time_unit"],
+        mends=replace(request.mends, shared=shared),
         log=log,
     )
+    if shared:
+        _tell_unused(request.mends, [source.part for source in sources], log)
+    return score
+
+
+def _tell_unused(mends: Mends, parts: Sequence[str], log: RunLog) -> None:
+    """Warn of mends that changed neither of two recordings."""
+    for topic in mends.time_offsets_ns:
+        if topic not in parts and not (any(">" in part for part in parts) and "tf" in topic):
+            log.warn(f"--time-offset {topic} changed nothing: neither EST nor REF is read from this topic")
+    for old, new in mends.renamed_frames.items():
+        if not log.counts[renaming(old, new)]:
+            log.warn(f"--rename-frame {old}={new} changed nothing: no message that was read names that frame")
 
 
 def find_kind(reference: str) -> str:
@@ -179,6 +201,10 @@ def _tell_meaningless(request: Request, kind: str, log: RunLog) -> None:
     wanted = others.get(kind, set(request.options) - _FOR_MAPS - {"max_gap"}) | {"mode"}
     for name in sorted(request.given & (set(request.options) - wanted)):
         log.warn(f"--{_OPTION_NAMES.get(name, name).replace('_', '-')} has no meaning here: REF is {_KIND_NAMES[kind]}")
+    sources = [parse_source(text) for text in (request.estimate, request.reference)]
+    if not any(source.part or is_recording(source.path) for source in sources):
+        for option in request.given_mends:
+            log.warn(f"{option} has no meaning here: it mends recordings, and there is none")
 
 
 def _is_untimed(text: str) -> bool:

@@ -17,6 +17,8 @@ from slamcli.geometry import se3
 from slamcli.measurements import FrameTransform, Odometry, StampedPose
 from slamcli.recordings import open_recording
 from slamcli.recordings.adapters import StampedPath
+from slamcli.recordings.classic_log import has_classic_content
+from slamcli.recordings.mends import Mends
 from slamcli.recordings.recording import Recording
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
@@ -44,14 +46,19 @@ def parse_source(text: str) -> Source:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a path is a recording by its name: a bag, an MCAP, a database, or a folder with a metadata.yaml."""
+    """Return whether a path is a recording: by its name, a folder with a metadata.yaml, or a classic log by its content."""
     if path.is_dir():
         return (path / "metadata.yaml").exists() or any(path.glob("*.db3")) or any(path.glob("*.mcap"))
-    return path.suffix in RECORDING_SUFFIXES
+    return path.suffix in RECORDING_SUFFIXES or has_classic_content(path)
 
 
 def load_trajectory(
-    text: str | os.PathLike[str], *, times: str | os.PathLike[str] | None = None, unit: str = "auto", log: RunLog
+    text: str | os.PathLike[str],
+    *,
+    times: str | os.PathLike[str] | None = None,
+    unit: str = "auto",
+    mends: Mends | None = None,
+    log: RunLog,
 ) -> Trajectory:
     """Return a trajectory from a file, or from a topic or the transforms of a recording.
 
@@ -64,6 +71,8 @@ def load_trajectory(
         A file of stamps for a KITTI file.
     unit
         Unit of the stamps of a file: ``auto``, ``s``, ``ms``, ``us`` or ``ns``.
+    mends
+        What is mended while a recording is read.
     log
         Takes what was found and mended.
 
@@ -76,7 +85,7 @@ def load_trajectory(
     if source.part or is_recording(source.path):
         if times is not None:
             raise UsageError("a times file goes with a KITTI file of poses, not with a recording")
-        return _from_recording(source, log)
+        return _from_recording(source, mends or Mends(), log)
     if not source.path.exists():
         raise FormatError(f"{source.path}: no such file")
     if times is not None:
@@ -84,8 +93,8 @@ def load_trajectory(
     return trajectories.read_trajectory(source.path, log=log, unit=unit)
 
 
-def _from_recording(source: Source, log: RunLog) -> Trajectory:
-    with open_recording([source.path], log=log) as recording:
+def _from_recording(source: Source, mends: Mends, log: RunLog) -> Trajectory:
+    with open_recording([source.path], mends=mends, log=log) as recording:
         if not source.part:
             raise UsageError(f"{source.path} is a recording: say which poses in it, {_choices(recording)}")
         frame, arrow, child = source.part.partition(">")

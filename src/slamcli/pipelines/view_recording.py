@@ -15,6 +15,7 @@ from slamcli.formats.trajectories import read_trajectory
 from slamcli.geometry import se3
 from slamcli.measurements import LaserScan, Odometry, StampedPose
 from slamcli.pipelines.view_alignment import laid_over
+from slamcli.pipelines.view_recorded_map import last_map
 from slamcli.recordings import Recording, Topic, open_recording
 from slamcli.recordings.laser_mount import find_laser_mount
 from slamcli.reports.figures import raster, timeline, track
@@ -75,6 +76,8 @@ def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -
         with log.stage("odometry and scans"):
             drawn = _paths_and_scans(recording, options, log)
         _lay_over(drawn, options, log)
+        with log.stage("map"):
+            shown = last_map(recording, options)
     if drawn.paths or drawn.truth or len(drawn.points_m):
         (label, first), *others = drawn.paths or [("", _no_poses())]
         below = track.track_image(
@@ -89,6 +92,9 @@ def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -
         picture = timeline.stacked(picture, below)
         facts["paths"] = [{"source": n, "poses": len(t), "length_m": t.length_m} for n, t in drawn.paths]
         facts["scans_drawn"] = drawn.num_scans
+    if shown is not None:
+        picture = timeline.stacked(picture, shown.image(min(1200, options.max_pixels)))
+        facts["map"] = shown.facts()
     return raster.png(picture), facts
 
 
@@ -268,7 +274,8 @@ def _interpolate(base: Trajectory, stamps_ns: NDArray[np.int64]) -> NDArray[np.f
 def _end_points(scan: LaserScan) -> NDArray[np.float64]:
     """Return the points (N, 2) that a scan hit, metres, in the scanner's frame."""
     step = max(1, scan.num_beams // _MOST_BEAMS)
-    ranges, angles = scan.ranges_m[::step].astype(np.float64), scan.angles_rad[::step]
+    with np.errstate(invalid="ignore"):  # a signalling NaN of a broken message is "no answer" as any other
+        ranges, angles = scan.ranges_m[::step].astype(np.float64), scan.angles_rad[::step]
     hit = np.isfinite(ranges) & (ranges > max(scan.range_min_m, 0.0)) & (ranges < scan.range_max_m)
     return np.column_stack([ranges[hit] * np.cos(angles[hit]), ranges[hit] * np.sin(angles[hit])])
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slamcli.errors import UsageError
+from slamcli.recordings.classic_log import has_classic_content
 
 _RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
-_LOG_SUFFIXES = (".clf", ".log", ".dat")
 _PICTURES = (".pgm", ".png", ".bmp")
 
 
@@ -69,11 +69,9 @@ def _kind(source: Path) -> str:
         last in _RECORDING_SUFFIXES
         or any(s in _RECORDING_SUFFIXES for s in suffixes[-2:])
         or _begins_as_recording(source)
+        or has_classic_content(source)
     ):
         return "recording"
-    if any(s in _LOG_SUFFIXES for s in suffixes[-2:]):
-        bag = source.name.split(".")[0] + ".mcap"
-        raise UsageError(f"{source}: convert this log first: slamcli convert {source} {bag}")
     return "trajectory"
 
 

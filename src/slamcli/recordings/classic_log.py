@@ -12,7 +12,7 @@ from typing import Any, Self
 from slamcli.errors import RecordingError
 from slamcli.recordings.adapters import encoder_for, message_factory
 from slamcli.recordings.adapters.tf_message import is_static_topic
-from slamcli.recordings.breezy import is_breezy, read_breezy
+from slamcli.recordings.breezy import BreezyOptions, is_breezy, read_breezy
 from slamcli.recordings.carmen import read_carmen
 from slamcli.recordings.carmen_lines import is_carmen
 from slamcli.recordings.raw import Contents, RawMessage, Topic
@@ -21,14 +21,36 @@ from slamcli.runtime import RunLog
 _CARMEN_SUFFIXES = (".clf", ".log", ".clf.gz", ".log.gz")
 
 
-def classic_kind(path: Path) -> str:
-    """Return ``carmen`` or ``breezy`` for a classic log, an empty string for anything else."""
+CLASSIC_FORMATS = ("carmen log", "breezy log")
+"""Formats as `Contents.format` names them; such logs have no log times of their own."""
+
+
+def classic_kind(paths: Sequence[Path], breezy: BreezyOptions | None = None) -> str:
+    """Return ``carmen`` or ``breezy`` for a classic log, an empty string for anything else.
+
+    Raises
+    ------
+    RecordingError
+        If there are several files and one of them is a classic log.
+    """
+    kind = next((found for path in paths if (found := _kind_of(path, breezy))), "")
+    if kind and len(paths) > 1:
+        raise RecordingError(f"{paths[0]}: classic logs cannot be joined with other files; give one")
+    return kind
+
+
+def has_classic_content(path: Path) -> bool:
+    """Return whether a file is a classic log by its content alone, whatever its name says."""
+    return path.is_file() and (is_carmen(path) or is_breezy(path))
+
+
+def _kind_of(path: Path, breezy: BreezyOptions | None) -> str:
     try:
         if not path.is_file() or path.stat().st_size == 0:
             return ""
         if path.name.lower().endswith(_CARMEN_SUFFIXES) or is_carmen(path):
             return "carmen"
-        return "breezy" if is_breezy(path) else ""
+        return "breezy" if is_breezy(path, breezy) else ""
     except OSError:
         return ""
 
@@ -110,9 +132,5 @@ def open_classic(paths: Sequence[Path], log: RunLog) -> ClassicLogReader | None:
     RecordingError
         If the log cannot be used, or there are several files and one of them is a classic log.
     """
-    kinds = [classic_kind(path) for path in paths]
-    if not any(kinds):
-        return None
-    if len(paths) > 1:
-        raise RecordingError(f"{paths[0]}: classic logs cannot be joined with other files; give one")
-    return ClassicLogReader(paths[0], kinds[0], log)
+    kind = classic_kind(paths)
+    return ClassicLogReader(paths[0], kind, log) if kind else None

@@ -38,5 +38,7 @@ class Mends:
     depth_units_per_m: float | None = None
     """Raw depth value of one metre (1000 for millimetres, 5000 for TUM RGB-D); None for what the encoding says."""
     no_return: str = "ignore"
+    shared: bool = False
+    """Several recordings are read with these: what one of them does not need is no mistake."""
     laser_pose: NDArray[np.float64] | None = None
     """float64 (3,) or None: x, y, yaw of the scanner in the base frame, used instead of the recording's transforms."""

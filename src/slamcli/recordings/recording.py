@@ -190,7 +190,7 @@ class Recording:
             ("--camera-info", self.mends.camera_models),
         ):
             for name in names:
-                if name and name not in known:
+                if name and name not in known and not self.mends.shared:
                     raise RecordingError(
                         f"{option} {name}: {self.name} has no such topic; {self._would_fit(name, None)}"
                     )
@@ -242,5 +242,5 @@ class Recording:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.raw.__exit__(kind, error, trace)
-        for unused in self.unused_mends() if error is None else ():
+        for unused in self.unused_mends() if error is None and not self.mends.shared else ():
             self.log.warn(f"{unused} changed nothing: no message that was read names that frame")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slamcli.measurements import Image, ImuSample, LaserScan, Odometry, PointCloud
 from slamcli.recordings.checks.evidence import Evidence
 from slamcli.recordings.checks.finding import Finding
+from slamcli.recordings.classic_log import CLASSIC_FORMATS
 from slamcli.recordings.survey import TopicSurvey
 
 _SENSORS = (LaserScan, PointCloud, ImuSample, Odometry, Image)
@@ -20,6 +21,7 @@ _IMU_GAP_S = 0.05
 _DELAY_WARNING_S = 0.1
 _DELAY_ERROR_S = 0.5
 _CLOCK_OFFSET_S = 0.1
+_LONGEST_SWEEP_S = 0.25
 _ABSURD_NS = 10**9 * 86400 * 30
 
 
@@ -121,13 +123,33 @@ def gaps(evidence: Evidence) -> Iterator[Finding]:
             )
 
 
+def _sweep_s(found: TopicSurvey) -> float:
+    """Return how long after its stamp a message can be whole: the duration of a scanner's sweep, seconds."""
+    if not isinstance(found.first, (LaserScan, PointCloud)) or found.num < 2:
+        return 0.0
+    period = float(np.median(np.abs(np.diff(found.stamps_ns)))) / 1e9
+    said = 0.0
+    if isinstance(found.first, LaserScan):
+        scan = found.first
+        said = (scan.num_beams - 1) * abs(scan.time_increment_s) or scan.scan_time_s
+    # Drivers leave the duration out, or write it in milliseconds: a scanner that turns takes its period then.
+    plausible = 0.01 * period < said < 1.5 * period
+    return min(said if plausible else period, _LONGEST_SWEEP_S)
+
+
 def _delays(found: TopicSurvey) -> NDArray[np.float64]:
-    """Return log time minus stamp, seconds (N,)."""
-    return (found.log_times_ns - found.stamps_ns) / 1e9
+    """Return log time minus stamp, seconds (N,); 0 where a sweep explains it."""
+    delays = (found.log_times_ns - found.stamps_ns) / 1e9
+    return delays - np.clip(delays, 0.0, _sweep_s(found))
 
 
 def delay(evidence: Evidence) -> Iterator[Finding]:
-    """Compare header stamps with log times: 0.1 s in more than 1 % of the messages warns, 0.5 s typically is an error."""
+    """Compare header stamps with log times: 0.1 s in more than 1 % of the messages warns, 0.5 s typically is an error.
+
+    The duration of a scanner's sweep is no delay. Classic logs have no log times of their own.
+    """
+    if evidence.contents.format in CLASSIC_FORMATS:
+        return
     for name, found in _stamped(evidence):
         kind = found.adapter.produces if found.adapter is not None else None
         delays = _delays(found)
@@ -139,16 +161,24 @@ def delay(evidence: Evidence) -> Iterator[Finding]:
         if not len(bad):
             continue
         worst = float(delays[np.argmax(np.abs(delays))])
-        how = "before" if worst > 0 else "after"
         often = len(bad) > 0.01 * found.num
         yield Finding(
             severity="error" if abs(typical) > _DELAY_ERROR_S else "warning" if often else "note",
             topic=name,
             message=f"{len(bad)} of {found.num} messages are stamped more than {_DELAY_WARNING_S} s from their log time "
-            f"(typically {typical:.3f} s before it, at worst {abs(worst):.3f} s {how} it)",
+            f"(typically {_beside(typical)} it, at worst {_beside(worst)} it{_beside_sweep(found)})",
             stamp_ns=int(found.stamps_ns[bad[0]]),
             count=len(bad),
         )
+
+
+def _beside(delay_s: float) -> str:
+    return f"{abs(delay_s):.3f} s {'before' if delay_s >= 0 else 'after'}"
+
+
+def _beside_sweep(found: TopicSurvey) -> str:
+    sweep = _sweep_s(found)
+    return f", beside a sweep of {sweep:.3f} s" if sweep else ""
 
 
 def clocks(evidence: Evidence) -> Iterator[Finding]:

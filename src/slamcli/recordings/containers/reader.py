@@ -29,7 +29,7 @@ from slamcli.recordings.raw import Contents, RawMessage
 from slamcli.runtime import RunLog
 
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_KINDS = "slamcli reads ROS 1 .bag, ROS 2 .db3, .mcap and bag folders; `slamcli convert` makes them of CARMEN and exp*.dat logs"
+_KINDS = "slamcli reads ROS 1 .bag, ROS 2 .db3, .mcap and bag folders, CARMEN and exp*.dat logs"
 
 
 class Volume(Protocol):

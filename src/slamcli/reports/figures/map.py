@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from slamcli.grids import OccupancyGrid
 from slamcli.reports import scales
 from slamcli.reports.figures import plane, raster
 from slamcli.reports.figures.plane import Colour, View
+from slamcli.reports.figures.raster import Pixels
 from slamcli.trajectory import Trajectory
 
 _FREE = np.array([255.0, 255.0, 255.0])
@@ -19,7 +21,7 @@ _WALL = np.array([24.0, 26.0, 32.0])
 _UNKNOWN = (208, 214, 222)  # bluish, so that no occupancy between free and wall looks like it
 
 
-def map_png(
+def map_image(
     grid: OccupancyGrid,
     *,
     trajectory: Trajectory | None = None,
@@ -31,8 +33,8 @@ def map_png(
     title: str = "",
     footprint_radius_m: float | None = None,
     max_pixels: int = 2000,
-) -> bytes:
-    """Return a PNG of the map, north (y) up, cropped to what is known and to what is drawn on it.
+) -> Pixels:
+    """Return the pixels of a picture of the map, north (y) up, cropped to what is known and to what is drawn on it.
 
     Cells are drawn as whole pixels or, where they are more than `max_pixels`, each pixel shows the most occupied of its
     cells, so that walls stay. A grid whose origin has a yaw is turned into the map frame. The picture has no date in
@@ -72,11 +74,14 @@ def map_png(
     for place, colour in ((start, scales.GREEN), (goal, scales.VERMILION)):
         if place is not None:
             _draw_place(picture, view, place, colour, thin, footprint_radius_m)
-    return raster.png(
-        plane.framed(
-            picture, view, title, _legend(trajectory, truth_label if truth is not None else "", path, start, goal)
-        )
+    return plane.framed(
+        picture, view, title, _legend(trajectory, truth_label if truth is not None else "", path, start, goal)
     )
+
+
+def map_png(grid: OccupancyGrid, **drawn: Any) -> bytes:
+    """Return a PNG of the map; what is drawn on it as in `map_image`."""
+    return raster.png(map_image(grid, **drawn))
 
 
 def _overlays(
