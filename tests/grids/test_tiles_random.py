@@ -206,9 +206,15 @@ def test_absurd_poses_are_refused_and_leave_the_maps_alone(pose):
     assert_equal(maps, twin)
 
 
-def test_absurd_bounds_are_refused():
-    with pytest.raises(DataError, match="delta is too small"):
-        TiledMaps(1, 0.001, (-1e6, -1e6, 1e6, 1e6))
+def test_a_first_extent_that_is_too_large_starts_small_and_one_without_end_is_refused():
+    maps, twin = TiledMaps(1, DELTA, (-1e6, -1e6, 1e6, 1e6)), NaiveMaps(1)
+    assert maps.tables.size < 100
+    for each in (maps, twin):
+        each.add_scan(np.array([[20.0, -30.0, 0.5]]), np.zeros((1, 2)), np.array([[1.0, 0.3]]), np.array([True]))
+    assert_equal(maps, twin)
+    for bounds in ((-np.inf, -1.0, 1.0, 1.0), (-1.0, -1.0, 1.0, np.nan)):
+        with pytest.raises(DataError, match="extent"):
+            TiledMaps(1, DELTA, bounds)
 
 
 def test_occupancy_equals_the_twins_shares():

@@ -37,6 +37,8 @@ class TiledMaps:
         self.delta = delta
         self._tile_m = delta * _kernels.TILE
         self._executor, self._jobs = executor, max(1, jobs)
+        if not np.isfinite(bounds).all():
+            raise DataError(f"the first extent of a map must be finite, not {bounds}")
         x_min, y_min, x_max, y_max = bounds
         column, row = int(np.floor(x_min / self._tile_m)), int(np.floor(y_min / self._tile_m))
         columns, rows = int(np.ceil(x_max / self._tile_m)) - column, int(np.ceil(y_max / self._tile_m)) - row
