@@ -65,7 +65,7 @@ def test_convert(cells: np.ndarray, capsys: pytest.CaptureFixture[str], mode: st
         assert run(["map-tools", *arguments]) == 2
         assert not Path("out.yaml").exists()
         return
-    assert document(capsys, *arguments)["outputs"] == ["out.yaml", f"out.{suffix}"]
+    assert document(capsys, *arguments)["outputs"] == ["out.yaml", f"out.{suffix}", "out.yaml.run.json"]
     read = read_map("out.yaml")
     np.testing.assert_array_equal(read.grid.cells, cells)
     assert (read.mode, read.negate) == (mode, True)

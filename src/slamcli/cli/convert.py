@@ -79,7 +79,8 @@ def command(
 
     SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording) or a classic log
     (CARMEN .log and .clf, BreezySLAM exp*.dat, also gzipped CARMEN). DST is named .bag (ROS 1), .mcap, .db3, or is a
-    folder (a ROS 2 bag). Messages and stamps are kept; what DST held before is replaced in one step.
+    folder (a ROS 2 bag). Messages and stamps are kept; what DST held before is replaced in one step; DST.run.json says
+    what was done.
 
     \b
     slamcli convert intel.clf.gz intel.mcap
@@ -132,6 +133,7 @@ def _document(
         "format": conversion.format,
         "compression": conversion.compression,
         "size_bytes": conversion.size_bytes,
+        "record": str(conversion.record),
         "num_messages": conversion.num_messages,
         "num_lost": conversion.num_lost,
         "start_ns": conversion.start_ns,

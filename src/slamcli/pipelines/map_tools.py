@@ -19,6 +19,8 @@ from slamcli.grids import OccupancyGrid
 from slamcli.grids.crop import box_of_bounds, crop, known_box
 from slamcli.grids.difference import STATES, GridDifference, difference
 from slamcli.outputs import atomic_file
+from slamcli.pipelines.output_record import write_output_record
+from slamcli.runtime import RunLog
 
 _LIMITS = ("changed", "changed_cells", "appeared_cells", "vanished_cells")
 
@@ -136,8 +138,8 @@ def convert(
     occupied_thresh: float = 0.65,
     free_thresh: float = 0.196,
     dialect: Dialect = "ros1",
-) -> tuple[Path, Path]:
-    """Write a map another way and return the paths of its YAML and picture.
+) -> tuple[Path, Path, Path]:
+    """Write a map another way and return the paths of its YAML, its picture and the run's record.
 
     The source is read as `dialect` reads it; `mode` is the source's if left out; `image_format` is pgm, png, bmp, tif or
     webp (pgm if left out, png in scale mode).
@@ -152,15 +154,30 @@ def convert(
     found = read_map(source, dialect=dialect)
     target = Path(target)
     image = target.with_suffix(f".{image_format.lower().lstrip('.')}") if image_format else None
-    return write_map(
-        target,
-        found.grid,
-        mode=mode or found.mode,
-        image=image,
-        negate=negate,
-        occupied_thresh=occupied_thresh,
-        free_thresh=free_thresh,
+    given: dict[str, Any] = {
+        "mode": mode or found.mode,
+        "negate": negate,
+        "occupied_thresh": occupied_thresh,
+        "free_thresh": free_thresh,
+    }
+    written = write_map(target, found.grid, image=image, **given)
+    return _recorded("map-tools convert", found, written, given | {"read_as": dialect})
+
+
+def _recorded(
+    command: str, source: MapFile, written: tuple[Path, Path], parameters: Mapping[str, Any]
+) -> tuple[Path, Path, Path]:
+    """Write the run's record beside a map; return all that was written."""
+    record = write_output_record(
+        written,
+        command=command,
+        inputs=[source.path, source.image],
+        parameters=parameters,
+        changed={},
+        summary={"outputs": [path.name for path in written]},
+        log=RunLog(),
     )
+    return *written, record
 
 
 def crop_map(
@@ -169,7 +186,7 @@ def crop_map(
     *,
     bounds: tuple[float, float, float, float] | None = None,
     margin_m: float = 0.0,
-) -> tuple[Path, Path]:
+) -> tuple[Path, Path, Path]:
     """Write the part of a map within `bounds` (min x, min y, max x, max y; metres), or its known part; return the paths.
 
     Raises
@@ -186,7 +203,8 @@ def crop_map(
     if box is None:
         raise UsageError(f"{found.path}: no cell is known: there is nothing to crop to; give --bounds")
     part = crop(found.grid, box, round(margin_m / found.grid.resolution_m))
-    return write_map(target, part, mode=found.mode)
+    written = write_map(target, part, mode=found.mode)
+    return _recorded("map-tools crop", found, written, {"bounds": bounds, "margin_m": margin_m})
 
 
 def compare(first: str | os.PathLike[str], second: str | os.PathLike[str]) -> GridDifference:
