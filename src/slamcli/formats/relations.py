@@ -81,7 +81,7 @@ def looks_like_relations(path: str | os.PathLike[str]) -> bool:
             break
     if not first:
         return False
-    norms = np.linalg.norm(np.array(tails), axis=1)
+    norms = np.linalg.norm(np.clip(tails, -1e9, 1e9), axis=1)
     if np.abs(norms - 1.0).max() < 1e-2:
         return False
     return min(second) <= max(first) and min(first) <= max(second)

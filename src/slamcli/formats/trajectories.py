@@ -276,7 +276,7 @@ def _stamps(path: PathLike, rows: Sequence[Row], unit: str, log: RunLog | None) 
 
 def _unit_quaternions(path: PathLike, quats: NDArray[np.float64], log: RunLog | None) -> NDArray[np.float64]:
     """Keep orientations as they are written where they are of length one to the written digits, mend the others."""
-    norms = np.linalg.norm(quats, axis=1)
+    norms = np.linalg.norm(np.clip(quats, -1e9, 1e9), axis=1)
     unset, odd = norms < 1e-9, np.abs(norms - 1.0) > _UNIT_TOLERANCE
     if log is not None and unset.any():
         log.warn(

@@ -12,6 +12,8 @@ Quaternions = NDArray[np.float64]
 def normalise(quat_xyzw: ArrayLike) -> Quaternions:
     """Return quaternions of length one; a zero quaternion (an unset ROS field) becomes the identity."""
     quat = np.array(quat_xyzw, dtype=np.float64)
+    largest = np.abs(quat).max(axis=-1, keepdims=True, initial=0.0)
+    quat = np.where(largest > 1e100, quat / np.where(largest > 0, largest, 1.0), quat)  # whose square would overflow
     norm = np.linalg.norm(quat, axis=-1, keepdims=True)
     identity = np.array([0.0, 0.0, 0.0, 1.0])
     return np.where(norm > 1e-12, quat / np.where(norm > 1e-12, norm, 1.0), identity)

@@ -55,8 +55,12 @@ class BeamModel:
         self._fan: tuple[int, float, float] | None = None
         self._unit: NDArray[np.float64] = np.empty((0, 2))
 
-    def beams(self, scan: LaserScan) -> Beams:
-        """Return the beams of a scan: readings below range_min and NaN are dropped, those beyond the maximum are no return."""
+    def beams(self, scan: LaserScan, twist: NDArray[np.float64] | None = None) -> Beams:
+        """Return the beams of a scan: readings below range_min and NaN are dropped, those beyond the maximum are no return.
+
+        With a `twist` (3,), the base's velocity in metres and radians per second during the sweep, the beams are put to
+        where they were when they were measured, all of them seen from the base at the scan's stamp.
+        """
         max_range, usable = self.limits(scan)
         unit = self._directions(scan)
         ranges = scan.ranges_m.astype(np.float64)
@@ -70,13 +74,15 @@ class BeamModel:
         length = np.where(matched, ranges, usable)
         hit = matched | (cleared & (self._no_return == "max"))
         every = np.flatnonzero(matched)[:: self._parameters.lskip + 1]
-        return Beams(
-            self._position + unit[every] * ranges[every, None],
-            np.ascontiguousarray(unit[every]),
-            self._position.reshape(1, 2).astype(np.float64),
-            self._position + unit[drawn] * length[drawn, None],
-            np.ascontiguousarray(hit[drawn]),
-        )
+        points = self._position + unit[every] * ranges[every, None]
+        ends = self._position + unit[drawn] * length[drawn, None]
+        directions = unit[every]
+        if twist is not None and scan.time_increment_s != 0.0:
+            times = sweep_times(scan)
+            points, directions = _moved(points, times[every], twist), _turned(directions, times[every] * twist[2])
+            ends = _moved(ends, times[drawn], twist)
+        start = self._position.reshape(1, 2).astype(np.float64)
+        return Beams(points, np.ascontiguousarray(directions), start, ends, np.ascontiguousarray(hit[drawn]))
 
     def limits(self, scan: LaserScan) -> tuple[float, float]:
         """Return maxRange and maxUrange as they apply to a scan, metres."""
@@ -91,3 +97,20 @@ class BeamModel:
             angles = scan.angles_rad
             self._fan, self._unit = fan, np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self._rotation.T
         return self._unit
+
+
+def sweep_times(scan: LaserScan) -> NDArray[np.float64]:
+    """Return when each beam was measured, float64 (N,), seconds after the stamp; a negative increment is a reversed sweep."""
+    order = np.arange(scan.num_beams, dtype=np.float64)
+    return (order if scan.time_increment_s > 0 else order[::-1]) * abs(scan.time_increment_s)
+
+
+def _turned(vectors: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vectors (N, 2) turned by angles (N,), radians."""
+    c, s = np.cos(angles), np.sin(angles)
+    return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=1)
+
+
+def _moved(points: NDArray[np.float64], times: NDArray[np.float64], twist: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (N, 2), each seen by the base at its time, in the base at time 0; the velocity is constant."""
+    return _turned(points, times * twist[2]) + times[:, None] * twist[:2]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -28,8 +29,11 @@ _TURNING_SCANS = 400
 """Scans during which the robot turned that the estimate of the clock offset rests on, where there are that many."""
 _TRUSTED_QUALITY = 0.5
 _SLIP_SIGMAS = 5.0
+_LONGEST_PERIOD_S = 1.0
+"""Time between two scans over which the motion does not tell the velocity during a sweep."""
 _BAD_CLOCK = 0.01
 """Share of backward stamps from which on a clock is not believed."""
+_LONGEST_OFFSET_S = 4e9  # a clock that began in 1970 against one that began now
 
 
 class GmappingMapper:
@@ -45,6 +49,7 @@ class GmappingMapper:
         self._skipped = 0
         self._odometry: list[Odometry] = []
         self._places: list[int] = []
+        self._sweeps = False
 
     def process(self, measurement: Measurement) -> None:
         """Take the next scan or odometry message; anything else has no meaning here."""
@@ -63,6 +68,7 @@ class GmappingMapper:
         log = self._setup.log
         stamps, wheels = self._clocks()
         beams = self._beam_models()
+        self._sweeps = self._tells_sweep(stamps)
         offset = self._time_offset(stamps, wheels, beams)
         motions, odometry_steps = self._motions(stamps, wheels, beams, offset.seconds)
         with ThreadPoolExecutor(self._setup.jobs) as executor:
@@ -74,7 +80,7 @@ class GmappingMapper:
         indices, path = particles.best_path()
         poses = between_updates(motions, indices, path)
         with log.stage("final map"):
-            grid = self._final_map(indices, path, beams)
+            grid = self._final_map(indices, path, stamps, motions, beams)
         trajectory = Trajectory.from_se2(
             [s.stamp_ns for s in self._scans], poses, self._setup.map_frame, self._setup.base_frame
         )
@@ -109,6 +115,20 @@ class GmappingMapper:
         )
         return both[~is_odometry], WheelOdometry(both[is_odometry], poses)
 
+    def _tells_sweep(self, stamps: NDArray[np.int64]) -> bool:
+        """Whether beams are to be deskewed: their times are there and fit between two scans."""
+        sweep_s = max(abs(scan.time_increment_s) * max(scan.num_beams - 1, 0) for scan in self._scans)
+        if not self._parameters.deskew or sweep_s == 0.0 or len(stamps) < 2:
+            return False
+        period_s = float(np.median(np.diff(stamps))) / 1e9
+        if sweep_s > 1.1 * period_s:
+            self._setup.log.warn(
+                f"scans are {period_s:.3f} s apart, but by their time_increment a sweep takes {sweep_s:.3f} s: the robot's motion "
+                "during a sweep is not corrected"
+            )
+            return False
+        return True
+
     def _beam_models(self) -> dict[str, BeamModel]:
         mounts = self._setup.T_base_laser
         missing = {scan.topic for scan in self._scans} - set(mounts)
@@ -122,14 +142,13 @@ class GmappingMapper:
         self, stamps: NDArray[np.int64], wheels: WheelOdometry | None, beams: dict[str, BeamModel]
     ) -> time_offset.TimeOffset:
         given = self._parameters.time_offset
+        if given != "auto" and abs(float(given)) > _LONGEST_OFFSET_S:
+            raise UsageError(f"time_offset={given}: two clocks of one recording are not {float(given):g} s apart")
         if given != "auto" or wheels is None:
             return time_offset.TimeOffset(0.0 if given == "auto" else float(given), 0.0, 0.0, 0)
         log = self._setup.log
         with log.stage("clock offset"):
-            motions, steps = self._align_scans(stamps, wheels, beams, 0.0, enough_turns=_TURNING_SCANS)
-            count = len(steps)
-            trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])[1:]
-            found = time_offset.estimate(stamps[:count], motions[1:count, 2], trusted, wheels)
+            found = self._estimate_offset(stamps, wheels, beams)
         if found.seconds:
             log.note(
                 f"laser and odometry clocks differ: odometry is looked up {found.seconds:+.3f} s from each scan's stamp "
@@ -137,6 +156,15 @@ class GmappingMapper:
                 f"{math.degrees(found.error_before_rad):.2f} degrees); --set time_offset=SECONDS says otherwise"
             )
         return found
+
+    def _estimate_offset(
+        self, stamps: NDArray[np.int64], wheels: WheelOdometry, beams: dict[str, BeamModel]
+    ) -> time_offset.TimeOffset:
+        """Return the offset that the turns seen by the scans tell; hardly trusting the odometry while it is not known."""
+        motions, steps = self._align_scans(stamps, wheels, beams, 0.0, enough_turns=_TURNING_SCANS)
+        count = len(steps)
+        trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])[1:]
+        return time_offset.estimate(stamps[:count], motions[1:count, 2], trusted, wheels)
 
     def _motions(
         self, stamps: NDArray[np.int64], wheels: WheelOdometry | None, beams: dict[str, BeamModel], offset_s: float
@@ -171,7 +199,13 @@ class GmappingMapper:
             before = odometry.pose
             if k and poses is not None:
                 guess = between(_pose(poses[k - 1]), _pose(poses[k]))
-            steps.append(odometry.step(beams[scan.topic].beams(scan), guess, known=poses is not None))
+            twist = self._twist(
+                k,
+                stamps,
+                guess if poses is None or k + 1 == len(stamps) else between(_pose(poses[k]), _pose(poses[k + 1])),
+            )
+            known = poses is not None and enough_turns is None
+            steps.append(odometry.step(beams[scan.topic].beams(scan, twist), guess, known=known))
             guess = between(before, odometry.pose)
             motions[k] = guess
             turns += abs(guess[2]) > math.radians(1.5) and steps[-1].quality > _TRUSTED_QUALITY
@@ -202,12 +236,28 @@ class GmappingMapper:
             )
             if k and not due:
                 continue
-            particles.update(k, beams[scan.topic].beams(scan))
+            particles.update(
+                k, beams[scan.topic].beams(scan, self._twist(k, stamps, motions[min(k + 1, len(motions) - 1)]))
+            )
             distance, turn, last = 0.0, 0.0, stamps[k]
             progress.update((stamps[k] - stamps[0]) / 1e9)
 
+    def _twist(
+        self, k: int, stamps: NDArray[np.int64], motion: Sequence[float] | NDArray[np.float64]
+    ) -> NDArray[np.float64] | None:
+        """Return the velocity (3,) during the sweep of scan k from the motion to the next one; None to leave it as it is."""
+        if not self._sweeps or k + 1 >= len(stamps):
+            return None
+        seconds = (stamps[k + 1] - stamps[k]) / 1e9
+        return np.asarray(motion) / seconds if 1e-3 < seconds < _LONGEST_PERIOD_S else None
+
     def _final_map(
-        self, indices: NDArray[np.int64], path: NDArray[np.float64], beams: dict[str, BeamModel]
+        self,
+        indices: NDArray[np.int64],
+        path: NDArray[np.float64],
+        stamps: NDArray[np.int64],
+        motions: NDArray[np.float64],
+        beams: dict[str, BeamModel],
     ) -> OccupancyGrid:
         """Draw the processed scans from the best particle's poses into an empty map."""
         p = self._parameters
@@ -215,7 +265,9 @@ class GmappingMapper:
         final = TiledMaps(1, p.delta, (x - 10.0, y - 10.0, x + 10.0, y + 10.0))
         for index, pose in zip(indices, path, strict=True):
             scan = self._scans[index]
-            drawn = beams[scan.topic].beams(scan)
+            drawn = beams[scan.topic].beams(
+                scan, self._twist(int(index), stamps, motions[min(index + 1, len(motions) - 1)])
+            )
             final.add_scan(pose.reshape(1, 3), drawn.start, drawn.ends, drawn.hit)
         return final.occupancy(0, p.occ_thresh, self._setup.map_frame)
 

@@ -127,3 +127,8 @@ class GmappingParameters:
         minimum=0.0,
         extension=True,
     )
+    deskew: bool = parameter(
+        True,
+        "put beams to where the moving robot was when each was measured, where scans tell their time_increment",
+        extension=True,
+    )

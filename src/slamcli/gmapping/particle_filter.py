@@ -190,4 +190,5 @@ def matching_settings(parameters: GmappingParameters) -> HillClimb:
 def systematic_draw(weights: NDArray[np.float64], count: int, offset: float) -> NDArray[np.int64]:
     """Return `count` indices drawn with low variance: one comb of equal steps over the cumulated weights (offset in [0, 1))."""
     comb = (offset + np.arange(count)) / count
-    return np.minimum(np.searchsorted(np.cumsum(weights), comb), len(weights) - 1).astype(np.int64)
+    last = int(np.flatnonzero(weights)[-1])  # rounding may leave the sum short of one
+    return np.minimum(np.searchsorted(np.cumsum(weights), comb, side="right"), last).astype(np.int64)

@@ -15,6 +15,8 @@ _RANGE_S, _COARSE_S, _FINE_S = 0.6, 0.02, 0.0025
 _MIN_TURN_RAD = 0.02
 _MIN_SCANS = 40
 _MIN_GAIN = 0.15
+_SCALES = (0.7, 1.4)
+"""Bounds of how much more or less than the wheels say a robot may turn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,9 @@ def estimate(
 
     The error of an offset is the mean of the smaller three quarters of the absolute differences over all scans during
     which the robot turned: slipping wheels and failed matches do not count. An offset of less than 15 % gain, or one
-    that rests on fewer than 40 turning scans, is none.
+    that rests on fewer than 40 turning scans, is none; so is one that gains nothing any more once the odometry's turns
+    are scaled by their median ratio: wheels that turn a few percent too far seem to lead or lag where the rate of
+    turning changes slowly.
 
     Parameters
     ----------
@@ -45,18 +49,17 @@ def estimate(
     trusted : bool (N - 1,), whether that match was good.
     """
     usable = trusted & (np.diff(stamps_ns) < 2_000_000_000)
-
-    def differences(seconds: float) -> NDArray[np.float64]:
-        yaw = odometry.at(stamps_ns + round(seconds * 1e9))[:, 2]
-        return se2.wrap_angle(np.diff(yaw)) - turns_rad
-
     moving = usable & (np.abs(turns_rad) > _MIN_TURN_RAD)
-    count = int(moving.sum())
+    count, seen = int(moving.sum()), turns_rad[moving]
     if count < _MIN_SCANS:
         return TimeOffset(0.0, 0.0, 0.0, count)
 
-    def error(seconds: float) -> float:
-        size = np.sort(np.abs(se2.wrap_angle(differences(seconds)[moving])))
+    def error(seconds: float, *, scaled: bool = False) -> float:
+        told = se2.wrap_angle(np.diff(odometry.at(stamps_ns + round(seconds * 1e9))[:, 2]))[moving]
+        turned = np.abs(told) > 0.5 * _MIN_TURN_RAD
+        if scaled and turned.any():
+            told = told * np.clip(np.median(seen[turned] / told[turned]), *_SCALES)
+        size = np.sort(np.abs(se2.wrap_angle(told - seen)))
         return float(size[: max(1, (3 * count) // 4)].mean())
 
     before = error(0.0)
@@ -65,6 +68,7 @@ def estimate(
     fine = best + np.arange(-_COARSE_S, _COARSE_S + _FINE_S / 2, _FINE_S)
     errors = [error(s) for s in fine]
     after, best = min(errors), float(fine[int(np.argmin(errors))])
-    if after > (1 - _MIN_GAIN) * before:
+    gains = after <= (1 - _MIN_GAIN) * before
+    if not gains or error(best, scaled=True) > (1 - _MIN_GAIN) * error(0.0, scaled=True):
         return TimeOffset(0.0, before, before, count)
     return TimeOffset(round(best, 4), before, after, count)

@@ -157,6 +157,8 @@ class TiledMaps:
     def _grow_to(self, poses: NDArray[np.float64], start: NDArray[np.float64], ends: NDArray[np.float64]) -> None:
         reach = float(np.sqrt(max((start**2).sum(axis=1).max(), (ends**2).sum(axis=1).max()))) + 2 * self.delta
         low, high = poses[:, :2].min(axis=0) - reach, poses[:, :2].max(axis=0) + reach
+        if not (np.isfinite(low).all() and np.isfinite(high).all() and np.isfinite(poses[:, 2]).all()):
+            raise DataError("a scan cannot be drawn: its pose or one of its ranges is not finite")
         row, column = self._corner
         need_row, need_column = int(np.floor(low[1] / self._tile_m)), int(np.floor(low[0] / self._tile_m))
         end_row, end_column = int(np.floor(high[1] / self._tile_m)) + 1, int(np.floor(high[0] / self._tile_m)) + 1

@@ -19,7 +19,7 @@ from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.evaluate import TrajectoryScore, score_trajectory
 from slamcli.pipelines.planar_input import PlanarFeed, feed_planar
-from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
+from slamcli.pipelines.run_record import describe_inputs, run_document, step_columns, to_json
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import laid_over
 from slamcli.recordings import Mends, open_recording
@@ -112,6 +112,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             errors=_errors(score), grid=result.grid, declared=declarations(type(config.parameters)),
         )  # fmt: skip
         (folder / "report.html").write_text(page, encoding="utf-8")
+        run["steps"] = step_columns(result.steps)
         (folder / "run.json").write_text(to_json(run), encoding="utf-8")
     return MapOutcome(output=output, result=result, run=run)
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+
+from numpy.typing import NDArray
 
 from slamcli import __version__
 from slamcli.runtime import RunLog, peak_memory_bytes
@@ -73,12 +76,27 @@ def run_document(
     }
 
 
+def step_columns(steps: Mapping[str, NDArray[Any]]) -> dict[str, list[Any]]:
+    """Return per-step statistics as lists; what is not finite is None."""
+    return {
+        name: [None if isinstance(value, float) and not math.isfinite(value) else value for value in column.tolist()]
+        for name, column in steps.items()
+    }
+
+
 def to_json(document: Mapping[str, Any]) -> str:
-    """Return the document as JSON text; arrays become lists, what has no JSON form its text."""
-    return (
-        json.dumps(document, indent=2, default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value))
-        + "\n"
+    """Return the document as JSON text; arrays become lists, what has no JSON form its text, a column of steps one line."""
+    text = json.dumps(
+        {name: value for name, value in document.items() if name != "steps"},
+        indent=2,
+        default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value),
     )
+    if document.get("steps"):
+        columns = ",\n".join(
+            f"    {json.dumps(name)}: {json.dumps(column)}" for name, column in document["steps"].items()
+        )
+        text = f'{text[:-2]},\n  "steps": {{\n{columns}\n  }}\n}}'
+    return text + "\n"
 
 
 def _digest(path: Path) -> str:
