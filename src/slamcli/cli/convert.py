@@ -93,6 +93,12 @@ def command(
     from slamcli.recordings.carmen import CarmenOptions
     from slamcli.runtime import RunLog
 
+    numbers = {"--laser-ahead": laser_ahead, "--laser-max-range": laser_max_range, "--laser-fov": laser_fov}
+    for option, value in numbers.items():
+        if value is not None and not math.isfinite(value):
+            raise UsageError(f"{option} {value:g} is not a finite number")
+    if not all(math.isfinite(value) for value in wheels or ()):
+        raise UsageError("--wheels: give radius and half axle in metres, and ticks per turn")
     if len(paths) < 2:
         raise UsageError("name what to convert and where to: slamcli convert SRC DST")
     carmen = CarmenOptions(fov_rad=math.radians(laser_fov) if laser_fov else None, max_range_m=laser_max_range)

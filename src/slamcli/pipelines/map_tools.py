@@ -22,6 +22,7 @@ from slamcli.outputs import atomic_file
 from slamcli.pipelines.output_record import write_output_record
 from slamcli.runtime import RunLog
 
+_LONGEST_MARGIN_M = 1e6
 _LIMITS = ("changed", "changed_cells", "appeared_cells", "vanished_cells")
 
 
@@ -152,7 +153,7 @@ def convert(
         If the target cannot be written, or would not read back.
     """
     found = read_map(source, dialect=dialect)
-    target = Path(target)
+    target = _other_than(found, Path(target))
     image = target.with_suffix(f".{image_format.lower().lstrip('.')}") if image_format else None
     given: dict[str, Any] = {
         "mode": mode or found.mode,
@@ -162,6 +163,13 @@ def convert(
     }
     written = write_map(target, found.grid, image=image, **given)
     return _recorded("map-tools convert", found, written, given | {"read_as": dialect})
+
+
+def _other_than(source: MapFile, target: Path) -> Path:
+    """Return `target`; UsageError if it is the source, which would be lost."""
+    if target.resolve() == source.path.resolve():
+        raise UsageError(f"{target}: source and target are the same")
+    return target
 
 
 def _recorded(
@@ -197,6 +205,9 @@ def crop_map(
         If nothing is left, or the target cannot be written.
     """
     found = read_map(source)
+    target = _other_than(found, Path(target))
+    if not 0 <= margin_m < _LONGEST_MARGIN_M:
+        raise UsageError(f"margin {margin_m:g} m: give metres from 0 to {_LONGEST_MARGIN_M:g}")
     if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
         raise UsageError("bounds: write them as MINX,MINY,MAXX,MAXY with MINX < MAXX and MINY < MAXY")
     box = known_box(found.grid) if bounds is None else box_of_bounds(found.grid, bounds)
