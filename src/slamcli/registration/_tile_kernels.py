@@ -67,7 +67,7 @@ def _nearest_hit(view, x, y, window, fullness):
 @njit(cache=True, nogil=True, inline="always")
 def _occupied(view, x, y, fullness):
     """Whether the cell at (x, y), metres from the map's corner, is full."""
-    cells, table, _, _, delta, inverse = view
+    cells, table, _, _, _, inverse = view
     i, j = math.floor(y * inverse), math.floor(x * inverse)
     if i < 0 or j < 0 or i >> SHIFT >= table.shape[0] or j >> SHIFT >= table.shape[1]:
         return False
