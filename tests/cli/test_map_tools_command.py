@@ -65,7 +65,7 @@ def test_convert(cells: np.ndarray, capsys: pytest.CaptureFixture[str], mode: st
         assert run(["map-tools", *arguments]) == 2
         assert not Path("out.yaml").exists()
         return
-    assert document(capsys, *arguments)["outputs"] == ["out.yaml", f"out.{suffix}"]
+    assert document(capsys, *arguments)["outputs"] == ["out.yaml", f"out.{suffix}", "out.yaml.run.json"]
     read = read_map("out.yaml")
     np.testing.assert_array_equal(read.grid.cells, cells)
     assert (read.mode, read.negate) == (mode, True)
@@ -109,3 +109,16 @@ def test_a_broken_map_is_one_line_and_exit_2(cells: np.ndarray, capsys: pytest.C
         shown = capsys.readouterr()
         assert "cut short" in shown.err
         assert len(shown.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["convert", "map.yaml", "map.yaml"], ["crop", "map.yaml", "./map.yaml"], ["crop", "map.yaml", "o.yaml", "--margin", "nan"]],
+)  # fmt: skip
+def test_a_map_is_not_written_over_itself(tmp_path, monkeypatch, capsys, arguments):
+    monkeypatch.chdir(tmp_path)
+    write_map("map.yaml", OccupancyGrid(np.zeros((20, 20), dtype=np.int8), 0.05))
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert run(["map-tools", *arguments]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

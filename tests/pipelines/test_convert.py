@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: MIT
+import json
 import os
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from rosbags.highlevel import AnyReader
 from slamcli.errors import RecordingError, UsageError
 from slamcli.pipelines.convert import Selection, convert
 from slamcli.recordings.adapters import message_factory
+from slamcli.recordings.carmen import CarmenOptions
 from slamcli.recordings.containers import create_raw, open_raw
 from slamcli.recordings.raw import RawMessage, Topic
 from slamcli.runtime import RunLog
@@ -237,7 +239,7 @@ def test_carmen_to_every_format(tmp_path: Path) -> None:
         assert [s.nanosec for s in stamps] == [500_000_000, 100_000_000, 900_000_000]
     selection = Selection(topics=("/scan",), start_s=0.1)
     assert convert([tmp_path / "a.clf"], tmp_path / "c.bag", selection=selection).num_messages == 1
-    with pytest.raises(UsageError, match="one at a time"):
+    with pytest.raises(RecordingError, match="cannot be joined"):
         convert([tmp_path / "a.clf", tmp_path / "b.bag"], tmp_path / "d.bag")
 
 
@@ -281,3 +283,17 @@ def test_real_bags_come_back_equal(tmp_path: Path) -> None:
     convert([DATA / "bags" / "ccny_laser_scan_matcher_demo.bag"], tmp_path / "c.bag")
     with AnyReader([tmp_path / "c.bag"]) as reader:
         assert reader.message_count == 360
+
+
+def test_the_record_beside_the_target(tmp_path: Path) -> None:
+    (tmp_path / "a.clf").write_text("FLASER 4 1 2 3 4 0 0 0 0 0 0 1000.5 host 0.5\n")
+    (tmp_path / "a.run.json").write_text("another's")
+    made = convert([tmp_path / "a.clf"], tmp_path / "a.mcap", carmen=CarmenOptions(max_range_m=3.5))
+    assert made.record == tmp_path / "a.mcap.run.json"
+    record = json.loads(made.record.read_text())
+    assert (record["command"], record["topics"]["/scan"]) == ("convert", 1)
+    assert record["inputs"][0]["name"] == "a.clf"
+    assert record["changed"]["max_range_m"] == 3.5
+    assert record["parameters"]["format"] == "mcap"
+    assert record["outputs"] == ["a.mcap", "a.mcap.run.json"]
+    assert (tmp_path / "a.run.json").read_text() == "another's"

@@ -79,7 +79,8 @@ def command(
 
     SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording) or a classic log
     (CARMEN .log and .clf, BreezySLAM exp*.dat, also gzipped CARMEN). DST is named .bag (ROS 1), .mcap, .db3, or is a
-    folder (a ROS 2 bag). Messages and stamps are kept; what DST held before is replaced in one step.
+    folder (a ROS 2 bag). Messages and stamps are kept; what DST held before is replaced in one step; DST.run.json says
+    what was done.
 
     \b
     slamcli convert intel.clf.gz intel.mcap
@@ -92,6 +93,12 @@ def command(
     from slamcli.recordings.carmen import CarmenOptions
     from slamcli.runtime import RunLog
 
+    numbers = {"--laser-ahead": laser_ahead, "--laser-max-range": laser_max_range, "--laser-fov": laser_fov}
+    for option, value in numbers.items():
+        if value is not None and not math.isfinite(value):
+            raise UsageError(f"{option} {value:g} is not a finite number")
+    if not all(math.isfinite(value) for value in wheels or ()):
+        raise UsageError("--wheels: give radius and half axle in metres, and ticks per turn")
     if len(paths) < 2:
         raise UsageError("name what to convert and where to: slamcli convert SRC DST")
     carmen = CarmenOptions(fov_rad=math.radians(laser_fov) if laser_fov else None, max_range_m=laser_max_range)
@@ -132,6 +139,7 @@ def _document(
         "format": conversion.format,
         "compression": conversion.compression,
         "size_bytes": conversion.size_bytes,
+        "record": str(conversion.record),
         "num_messages": conversion.num_messages,
         "num_lost": conversion.num_lost,
         "start_ns": conversion.start_ns,

@@ -122,7 +122,7 @@ class GmappingParameters:
         choices=("surface", "hillclimb"), extension=True,
     )  # fmt: skip
     scan_odometry_noise: float = parameter(
-        0.1,
+        0.2,
         "factor on srr, srt, str and stt while scan_odometry is on: scans place the robot better than wheels",
         minimum=0.0,
         extension=True,

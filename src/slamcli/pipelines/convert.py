@@ -10,8 +10,10 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from slamcli.errors import RecordingError, UsageError
+from slamcli.pipelines.output_record import write_output_record
 from slamcli.recordings.breezy import BreezyOptions, read_breezy
 from slamcli.recordings.carmen import CarmenOptions, read_carmen
 from slamcli.recordings.classic_log import classic_kind
@@ -84,6 +86,8 @@ class Conversion:
     num_messages: int
     start_ns: int | None
     end_ns: int | None
+    record: Path
+    """The run's record, beside the target."""
     num_lost: int
     """Messages that could not be converted (their bytes were not what their type says)."""
     damage: tuple[str, ...]
@@ -140,12 +144,38 @@ def convert(
         with writer:
             contents = _write_records(records, writer, encoding, selection, log)
         contents = dataclasses.replace(contents, paths=tuple(paths), format=classic)
-    return _conversion(contents, writer, copy.num_lost if classic == "" else 0)
+    made = _conversion(contents, writer, copy.num_lost if classic == "" else 0)
+    given = {"format": format, "compression": compression, "encoding": encoding, **dataclasses.asdict(selection)}
+    given |= dataclasses.asdict(carmen or CarmenOptions()) if classic == "carmen" else {}
+    given |= dataclasses.asdict(breezy or BreezyOptions()) if classic == "breezy" else {}
+    _write_record(made, given, log)
+    return made
+
+
+def _write_record(made: Conversion, given: dict[str, Any], log: RunLog) -> None:
+    span_s = ((made.end_ns or 0) - (made.start_ns or 0)) / 1e9
+    write_output_record(
+        [made.target],
+        command="convert",
+        inputs=made.sources,
+        parameters=given | {"format": made.format, "compression": made.compression},
+        changed={name: value for name, value in given.items() if value not in (None, ())},
+        summary={
+            "source_format": made.source_format,
+            "num_messages": made.num_messages,
+            "num_lost": made.num_lost,
+            "damage": made.damage,
+        },
+        topics={topic.name: topic.count for topic in made.topics},
+        duration_s=span_s,
+        log=log,
+    )
 
 
 def _conversion(contents: Contents, writer: FileWriter, num_lost: int) -> Conversion:
     start_ns, end_ns = writer.times_ns or (None, None)
     return Conversion(
+        record=writer.path.with_name(f"{writer.path.name}.run.json"),
         sources=contents.paths,
         source_format=contents.format,
         target=writer.path,

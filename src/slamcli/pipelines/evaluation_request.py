@@ -158,6 +158,8 @@ def align_mode(options: Mapping[str, Any]) -> AlignMode:
 
 def _match_options(options: Mapping[str, Any]) -> MatchOptions:
     motion = options["motion_filter"]
+    for value in motion or ():
+        _positive(value, "--motion-filter")
     return MatchOptions(
         max_diff_s=_positive(options["t_max_diff"], "--t-max-diff"),
         offset_s=_finite(options["t_offset"], "--t-offset"),

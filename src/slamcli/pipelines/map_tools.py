@@ -19,7 +19,10 @@ from slamcli.grids import OccupancyGrid
 from slamcli.grids.crop import box_of_bounds, crop, known_box
 from slamcli.grids.difference import STATES, GridDifference, difference
 from slamcli.outputs import atomic_file
+from slamcli.pipelines.output_record import write_output_record
+from slamcli.runtime import RunLog
 
+_LONGEST_MARGIN_M = 1e6
 _LIMITS = ("changed", "changed_cells", "appeared_cells", "vanished_cells")
 
 
@@ -136,8 +139,8 @@ def convert(
     occupied_thresh: float = 0.65,
     free_thresh: float = 0.196,
     dialect: Dialect = "ros1",
-) -> tuple[Path, Path]:
-    """Write a map another way and return the paths of its YAML and picture.
+) -> tuple[Path, Path, Path]:
+    """Write a map another way and return the paths of its YAML, its picture and the run's record.
 
     The source is read as `dialect` reads it; `mode` is the source's if left out; `image_format` is pgm, png, bmp, tif or
     webp (pgm if left out, png in scale mode).
@@ -150,17 +153,39 @@ def convert(
         If the target cannot be written, or would not read back.
     """
     found = read_map(source, dialect=dialect)
-    target = Path(target)
+    target = _other_than(found, Path(target))
     image = target.with_suffix(f".{image_format.lower().lstrip('.')}") if image_format else None
-    return write_map(
-        target,
-        found.grid,
-        mode=mode or found.mode,
-        image=image,
-        negate=negate,
-        occupied_thresh=occupied_thresh,
-        free_thresh=free_thresh,
+    given: dict[str, Any] = {
+        "mode": mode or found.mode,
+        "negate": negate,
+        "occupied_thresh": occupied_thresh,
+        "free_thresh": free_thresh,
+    }
+    written = write_map(target, found.grid, image=image, **given)
+    return _recorded("map-tools convert", found, written, given | {"read_as": dialect})
+
+
+def _other_than(source: MapFile, target: Path) -> Path:
+    """Return `target`; UsageError if it is the source, which would be lost."""
+    if target.resolve() == source.path.resolve():
+        raise UsageError(f"{target}: source and target are the same")
+    return target
+
+
+def _recorded(
+    command: str, source: MapFile, written: tuple[Path, Path], parameters: Mapping[str, Any]
+) -> tuple[Path, Path, Path]:
+    """Write the run's record beside a map; return all that was written."""
+    record = write_output_record(
+        written,
+        command=command,
+        inputs=[source.path, source.image],
+        parameters=parameters,
+        changed={},
+        summary={"outputs": [path.name for path in written]},
+        log=RunLog(),
     )
+    return *written, record
 
 
 def crop_map(
@@ -169,7 +194,7 @@ def crop_map(
     *,
     bounds: tuple[float, float, float, float] | None = None,
     margin_m: float = 0.0,
-) -> tuple[Path, Path]:
+) -> tuple[Path, Path, Path]:
     """Write the part of a map within `bounds` (min x, min y, max x, max y; metres), or its known part; return the paths.
 
     Raises
@@ -180,13 +205,17 @@ def crop_map(
         If nothing is left, or the target cannot be written.
     """
     found = read_map(source)
+    target = _other_than(found, Path(target))
+    if not 0 <= margin_m < _LONGEST_MARGIN_M:
+        raise UsageError(f"margin {margin_m:g} m: give metres from 0 to {_LONGEST_MARGIN_M:g}")
     if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
         raise UsageError("bounds: write them as MINX,MINY,MAXX,MAXY with MINX < MAXX and MINY < MAXY")
     box = known_box(found.grid) if bounds is None else box_of_bounds(found.grid, bounds)
     if box is None:
         raise UsageError(f"{found.path}: no cell is known: there is nothing to crop to; give --bounds")
     part = crop(found.grid, box, round(margin_m / found.grid.resolution_m))
-    return write_map(target, part, mode=found.mode)
+    written = write_map(target, part, mode=found.mode)
+    return _recorded("map-tools crop", found, written, {"bounds": bounds, "margin_m": margin_m})
 
 
 def compare(first: str | os.PathLike[str], second: str | os.PathLike[str]) -> GridDifference:

@@ -44,7 +44,8 @@ def is_breezy(path: Path, options: BreezyOptions | None = None) -> bool:
     options = options or BreezyOptions()
     try:
         with path.open("rb") as stream:
-            _parse(stream.readline(MAX_LINE_BYTES), options)
+            line = stream.readline(MAX_LINE_BYTES)
+            _parse(line if b"\0" not in line else b"", options)
     except (OSError, ValueError, IndexError, OverflowError):
         return False
     return True

@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 from slamcli.errors import RecordingError
 
 MAX_LINE_BYTES = 4 << 20
+_HEAD_BYTES = 1 << 20
+_BINARY_BYTES = 4096
 MAX_BEAMS = 100_000
 _MAX_STAMP_NS = 2**31 * 10**9  # seconds are int32 in ROS 2
 _GZIP_MAGIC = b"\x1f\x8b"
@@ -123,15 +125,14 @@ def is_carmen(path: Path) -> bool:
         with path.open("rb") as stream:
             head = stream.read(2)
         with gzip.open(path, "rb") if head == _GZIP_MAGIC else path.open("rb") as lines:
-            for _ in range(200):
-                line = lines.readline(MAX_LINE_BYTES)
-                if not line:
-                    return False
-                if line.partition(b" ")[0] in (*_PARSERS, b"SYNC", b"RAWLASER1"):
-                    return True
+            block = lines.read(_HEAD_BYTES)
     except (OSError, EOFError, zlib.error):
         return False
-    return False
+    # Bags and databases have zeros near their beginning: they are not searched for lines.
+    if b"\0" in block[:_BINARY_BYTES]:
+        return False
+    names = (*_PARSERS, b"SYNC", b"RAWLASER1")
+    return any(line.partition(b" ")[0] in names for line in block.split(b"\n", 200)[:200])
 
 
 def stamp_from_text(text: bytes) -> int:

@@ -2,7 +2,7 @@
 """Compiled loops that match points with tiled maps; the layout is described in `slamcli.grids.tiles`.
 
 Poses are x, y, yaw of the base in the map; points are beam end points in the base frame, metres. `view` is a map as
-matching sees it: (cells, table of tile indices, x and y of its lower left corner, cell size).
+matching sees it: (cells, table of tile indices, x and y of its lower left corner, cell size, its inverse).
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def _nearest_hit(view, x, y, window, fullness):
 
     A 3 x 3 window that lies in one tile (nine times of ten) is read without branches.
     """
-    cells, table, _, _, delta = view
+    cells, table, _, _, delta, inverse = view
     rows, columns = table.shape
-    low_i, low_j = math.floor(y / delta) - window, math.floor(x / delta) - window
+    low_i, low_j = math.floor(y * inverse) - window, math.floor(x * inverse) - window
     if low_i < 0 or low_j < 0 or (low_i + 2 * window) >> SHIFT >= rows or (low_j + 2 * window) >> SHIFT >= columns:
         return FAR
     best = FAR
@@ -67,8 +67,8 @@ def _nearest_hit(view, x, y, window, fullness):
 @njit(cache=True, nogil=True, inline="always")
 def _occupied(view, x, y, fullness):
     """Whether the cell at (x, y), metres from the map's corner, is full."""
-    cells, table, _, _, delta = view
-    i, j = math.floor(y / delta), math.floor(x / delta)
+    cells, table, _, _, _, inverse = view
+    i, j = math.floor(y * inverse), math.floor(x * inverse)
     if i < 0 or j < 0 or i >> SHIFT >= table.shape[0] or j >> SHIFT >= table.shape[1]:
         return False
     return _is_full(cells, table[i >> SHIFT, j >> SHIFT], i & MASK, j & MASK, fullness)
@@ -150,7 +150,7 @@ def sample_likelihoods(cells, tables, corner_x, corner_y, delta, points, directi
                        window, fullness, free_check, lsigma):  # fmt: skip
     """Likelihoods out (particles, samples) at each particle's pose plus each offset (samples, 3)."""
     for p in range(first, last):
-        view = (cells, tables[p], corner_x, corner_y, delta)
+        view = (cells, tables[p], corner_x, corner_y, delta, 1.0 / delta)
         for k in range(offsets.shape[0]):
             x, y, yaw = poses[p, 0] + offsets[k, 0], poses[p, 1] + offsets[k, 1], poses[p, 2] + offsets[k, 2]
             out[p, k] = log_likelihood(view, points, directions, x, y, yaw, window, fullness, free_check, lsigma)
@@ -159,8 +159,8 @@ def sample_likelihoods(cells, tables, corner_x, corner_y, delta, points, directi
 @njit(cache=True, nogil=True, inline="always")
 def _surface(view, px, py, window, fullness, noise2):
     """Mean and inverse covariance of the mean hits around (px, py): count, x, y relative to the point, and ixx ixy iyy."""
-    cells, table, _, _, delta = view
-    low_i, low_j = math.floor(py / delta) - window, math.floor(px / delta) - window
+    cells, table, _, _, delta, inverse = view
+    low_i, low_j = math.floor(py * inverse) - window, math.floor(px * inverse) - window
     high_i, high_j = low_i + 2 * window, low_j + 2 * window
     if low_i < 0 or low_j < 0 or high_i >> SHIFT >= table.shape[0] or high_j >> SHIFT >= table.shape[1]:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -272,7 +272,7 @@ def match_particles(cells, tables, corner_x, corner_y, delta, points, directions
     A hill climb, then at most `max_alignments` Gauss-Newton steps that draw to the predicted pose by `information` (3,).
     """
     for p in range(first, last):
-        view = (cells, tables[p], corner_x, corner_y, delta)
+        view = (cells, tables[p], corner_x, corner_y, delta, 1.0 / delta)
         x, y, yaw, score = hill_climb(
             view, points, directions, poses[p], window, fullness, free_check, sigma, lstep, astep, iterations
         )

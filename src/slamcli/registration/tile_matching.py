@@ -108,7 +108,7 @@ def surface_aligner(
     `start` and `prior` are poses (x, y, yaw), `information` the diagonal (3,) that draws the result to the prior;
     `quality` is between 0 and 1, the mean weight of the points.
     """
-    view = (maps.cells, maps.tables[0], *maps.origin, maps.delta)
+    view = (maps.cells, maps.tables[0], *maps.origin, maps.delta, 1.0 / maps.delta)
     s = settings
 
     def align(

@@ -164,13 +164,22 @@ class FreeSpace:
         origin, target = here[0] * width + here[1], there[0] * width + there[1]
         if self._areas[here] != self._areas[there]:
             raise PlanningError(self._no_way(start, goal))
-        _, before = csgraph.dijkstra(self._graph, indices=origin, return_predecessors=True)
+        before = self._predecessors(origin, target, float(np.hypot(here[0] - there[0], here[1] - there[1])))
         indices = [target]
         while indices[-1] != origin:
             indices.append(before[indices[-1]])
         cells = np.array(indices[::-1])
         inner = self._coarse.cell_to_map(np.column_stack([cells // width, cells % width]))
         return self._shortened(np.concatenate([start[None], inner, goal[None]]))
+
+    def _predecessors(self, origin: int, target: int, straight_cells: float) -> NDArray[np.int32]:
+        """Return the cell before each one on its best way from `origin`, for all cells not much farther than `target`."""
+        limit = 1.2 * straight_cells + 20.0  # most ways are little longer: there is no need to search the whole world
+        while True:
+            _, before = csgraph.dijkstra(self._graph, indices=origin, return_predecessors=True, limit=limit)
+            if target == origin or before[target] >= 0:
+                return before
+            limit *= 2.0
 
     def _shortened(self, way: Array) -> Array:
         kept, i = [0], 0

@@ -32,18 +32,20 @@ class Crowd:
         self, world: World, motion: Motion, parameters: SimulationParameters, seeds: list[np.random.Generator]
     ) -> None:
         self._shape = parameters.people_shape
-        self._tracks: list[Array] = []
+        self._tracks: Array = np.zeros((0, 2, 3))
         if not world.walkers and not parameters.people_count:
             return
         space = FreeSpace(world, _ROOM_M)
         robot = motion.at(np.arange(0.0, motion.duration_s + 2 * STEP_S, STEP_S))[:, :2]
         keep = parameters.robot_radius + BODY_RADIUS_M
+        tracks = []
         for walker, rng in zip(world.walkers, seeds, strict=False):
-            self._tracks.append(_walk(_to_and_fro(walker, space), walker.speed_m_s, robot, keep, space, rng))
+            tracks.append(_walk(_to_and_fro(walker, space), walker.speed_m_s, robot, keep, space, rng))
         for rng in seeds[len(world.walkers) :]:
             speed = parameters.people_speed * float(rng.uniform(0.8, 1.2))
             way = _random_places(space, motion.poses[0, :2], speed * motion.duration_s + 1.0, rng)
-            self._tracks.append(_walk(way, speed, robot, keep, space, rng))
+            tracks.append(_walk(way, speed, robot, keep, space, rng))
+        self._tracks = np.stack(tracks)
 
     @property
     def tracks(self) -> tuple[Array, ...]:
@@ -52,29 +54,27 @@ class Crowd:
 
     def discs(self, time_s: float) -> Array:
         """Return discs (D, 5) x, y, radius (metres, map frame) and their velocity, at `time_s` from the start."""
-        found = [self._body(track, time_s) for track in self._tracks]
-        return np.concatenate(found) if found else np.zeros((0, 5))
-
-    def _body(self, track: Array, time_s: float) -> Array:
-        now, later = (self._places(track, t) for t in (time_s, time_s + STEP_S))
+        if not len(self._tracks):
+            return np.zeros((0, 5))
+        now, later = self._places(time_s), self._places(time_s + STEP_S)
         radius = LEG_RADIUS_M if self._shape == "legs" else BODY_RADIUS_M
         return np.column_stack([now, np.full(len(now), radius), (later - now) / STEP_S])
 
-    def _places(self, track: Array, time_s: float) -> Array:
-        """Return the centres (1 or 2, 2) of what touches the plane of the scanner."""
-        at = min(max(time_s / STEP_S, 0.0), len(track) - 1.000001)
+    def _places(self, time_s: float) -> Array:
+        """Return the centres (P or 2 P, 2) of what of everybody touches the plane of the scanner."""
+        last = self._tracks.shape[1] - 1
+        at = min(max(time_s / STEP_S, 0.0), last - 0.000001)
         i, share = int(at), at - int(at)
-        here = track[i] * (1 - share) + track[i + 1] * share
+        here = self._tracks[:, i] * (1 - share) + self._tracks[:, i + 1] * share
         if self._shape == "disc":
-            return here[None, :2]
-        back = track[max(i - 10, 0), :2]
-        ahead = track[min(i + 10, len(track) - 1), :2] - back
-        length = float(np.hypot(*ahead))
-        forward = ahead / length if length > 1e-3 else np.array([1.0, 0.0])
-        left = np.array([-forward[1], forward[0]])
-        swing = 0.5 * _STRIDE_M * 0.6 * math.sin(math.pi * here[2] / _STRIDE_M)
-        legs = np.array([left * _LEGS_APART_M / 2 + forward * swing, -left * _LEGS_APART_M / 2 - forward * swing])
-        return here[:2] + legs
+            return here[:, :2]
+        ahead = self._tracks[:, min(i + 10, last), :2] - self._tracks[:, max(i - 10, 0), :2]
+        length = np.hypot(ahead[:, 0], ahead[:, 1])[:, None]
+        forward = np.where(length > 1e-3, ahead / np.maximum(length, 1e-3), [1.0, 0.0])
+        left = np.column_stack([-forward[:, 1], forward[:, 0]])
+        swing = 0.5 * _STRIDE_M * 0.6 * np.sin(math.pi * here[:, 2:] / _STRIDE_M)
+        leg = left * _LEGS_APART_M / 2 + forward * swing
+        return np.stack([here[:, :2] + leg, here[:, :2] - leg], axis=1).reshape(-1, 2)
 
 
 def _to_and_fro(walker: Walker, space: FreeSpace) -> Array:

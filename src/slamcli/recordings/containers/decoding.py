@@ -143,14 +143,20 @@ class Decoder:
     """Decodes messages by the definitions that the recording holds."""
 
     def __init__(self) -> None:
-        self._stores: dict[tuple[str, str, str], Typestore] = {}
+        self._stores: dict[tuple[str, str, str], Typestore | str] = {}
 
     def store(self, topic: Topic) -> Typestore:
         """Return the type store of a topic, made once for each definition."""
         key = (topic.msgtype, topic.encoding, topic.definition)
         if key not in self._stores:
-            self._stores[key] = typestore_of(topic)
-        return self._stores[key]
+            try:
+                self._stores[key] = typestore_of(topic)
+            except RecordingError as error:
+                self._stores[key] = str(error)  # not the error: its traceback would keep the message
+        found = self._stores[key]
+        if isinstance(found, str):
+            raise RecordingError(found)
+        return found
 
     def decode(self, topic: Topic, data: bytes | memoryview, log_time_ns: int) -> Any:
         """Return the decoded message.
