@@ -232,3 +232,10 @@ def test_occupancy_equals_the_twins_shares():
         row0, column0 = (round(value / DELTA) for value in (grid.origin[1], grid.origin[0]))
         for (i, j), (visits, hits, *_) in twin.maps[0].items():
             assert grid.cells[i - row0, j - column0] == (100 if hits > np.float32(threshold) * visits else 0)
+
+
+@pytest.mark.parametrize("end", [np.nan, np.inf])
+def test_ends_that_are_not_finite_are_refused(end):
+    maps = TiledMaps(1, DELTA, (-1.0, -1.0, 1.0, 1.0))
+    with pytest.raises(DataError, match="finite"):
+        maps.add_scan(np.zeros((1, 3)), np.zeros((1, 2)), np.array([[0.5, 0.0], [end, 0.0]]), np.ones(2, np.bool_))
