@@ -12,6 +12,7 @@ from slamcli.recordings.containers import mcap_records as records
 from slamcli.recordings.containers.compression import MAX_CHUNK_BYTES, DecompressionError, decompress
 from slamcli.recordings.containers.damage import Damage, at_time
 from slamcli.recordings.containers.mcap_records import PREFIX, Catalogue, RecordError
+from slamcli.recordings.containers.mcap_resync import next_record
 from slamcli.recordings.containers.runs import Budget, Buffer, Run, stream_entries
 from slamcli.recordings.containers.source import Source
 from slamcli.recordings.containers.topic_table import MAX_TOPICS, TopicTable
@@ -126,54 +127,69 @@ class McapVolume:
         return statistics, chunks
 
     def _scan(self, reason: str) -> None:
-        """Read the file's records in sequence, up to the damage."""
+        """Read the file's records in sequence; behind damage go on at the next chunk or message that can be found."""
         source = self._source
         known = self._counts is not None
         counts: Counter[int] = Counter()
         self._parts = []
-        position, loose_begin = len(records.MAGIC), -1
+        position = len(records.MAGIC)
+        lost, first_loss = 0, ""
         last_ns: int | None = None
-        stopped = ""
-        while position < source.size:
-            buffer, offset = source.peek(position, PREFIX.size)
-            if len(buffer) - offset < PREFIX.size:
-                stopped = "a record is cut off"
+        # Bounds the work on garbage whose records overlap each other.
+        budget = 3 * source.size + (64 << 20)
+        while True:
+            position, stopped, last_ns, search_from = self._scan_sound(position, counts, last_ns)
+            if not stopped:
                 break
-            op, length = PREFIX.unpack_from(buffer, offset)
-            end = position + PREFIX.size + length
-            is_loose = op in (records.SCHEMA, records.CHANNEL, records.MESSAGE)
-            if is_loose and end <= source.size:
-                loose_begin = position if loose_begin < 0 else loose_begin
-                if end - loose_begin >= _LOOSE_BYTES:
-                    last_ns = self._scan_loose(loose_begin, end, counts, last_ns)
-                    loose_begin = -1
-            else:
-                if loose_begin >= 0:
-                    last_ns = self._scan_loose(loose_begin, position, counts, last_ns)
-                    loose_begin = -1
-                if op == records.CHUNK:
-                    last_ns = self._scan_chunk(position, length, counts, last_ns)
-                if op in (records.FOOTER, records.DATA_END) and end <= source.size:
-                    position = source.size
-                    break
-                if op == 0 or end > source.size:
-                    stopped = "a record is cut off" if op else "there is no record"
-                    break
-            position = end
-        if loose_begin >= 0:
-            last_ns = self._scan_loose(loose_begin, min(position, source.size), counts, last_ns)
-        lost = source.size - position
+            first_loss = first_loss or f"{stopped} at byte {position}; {at_time(last_ns)}"
+            following = source.size
+            if budget > 0:
+                following = next_record(source, search_from, self._catalogue.channels, last_ns)
+            budget -= max(following - search_from, 1 << 16)
+            lost += max(following - position, 0)
+            if following >= source.size:
+                break
+            position = following
         if not known:
             self._counts = {number: counts[number] for number in self._catalogue.channels}
             self.start_ns = min((part.start_ns for part in self._parts), default=None)
             self.end_ns = max((part.end_ns for part in self._parts), default=None)
-        if reason or lost or stopped:
+        if reason or first_loss:
             what = f"{reason}; read in sequence instead" if reason else "damaged"
-            if lost or stopped:
-                what += (
-                    f", up to byte {position} of {source.size} ({lost} bytes are lost: {stopped}; {at_time(last_ns)})"
-                )
+            if first_loss:
+                what += f"; {lost} of {source.size} bytes are lost: {first_loss}"
             self._damage.add(f"{source.path}: {what}")
+
+    def _scan_sound(self, position: int, counts: Counter[int], last_ns: int | None) -> tuple[int, str, int | None, int]:
+        """Read records from `position` to the end or to damage.
+
+        Returns where that is, what is wrong there (empty at the end), the time of the last message, and where to search
+        for the next sound record: within the last one, unless that was a chunk, because its length may be what is wrong.
+        """
+        source = self._source
+        loose_begin, search_from, stopped = -1, position + 1, ""
+        while position < source.size:
+            buffer, offset = source.peek(position, PREFIX.size)
+            op, length = PREFIX.unpack_from(buffer, offset) if len(buffer) - offset >= PREFIX.size else (0, 0)
+            end = position + PREFIX.size + length
+            if end > source.size or not (0 < op <= records.DATA_END or op >= records.FIRST_PRIVATE):
+                stopped = "a record is cut off" if end > source.size else "there is no record"
+                break
+            is_loose = op in (records.SCHEMA, records.CHANNEL, records.MESSAGE)
+            if is_loose and loose_begin < 0:
+                loose_begin = position
+            if loose_begin >= 0 and (not is_loose or end - loose_begin >= _LOOSE_BYTES):
+                last_ns = self._scan_loose(loose_begin, end if is_loose else position, counts, last_ns)
+                loose_begin = -1
+            if op == records.CHUNK:
+                last_ns = self._scan_chunk(position, length, counts, last_ns)
+            search_from = end if op == records.CHUNK else position + 1
+            position = end
+            if op in (records.FOOTER, records.DATA_END):
+                position = source.size
+        if loose_begin >= 0:
+            last_ns = self._scan_loose(loose_begin, position, counts, last_ns)
+        return position, stopped, last_ns, search_from
 
     def _scan_loose(self, begin: int, end: int, counts: Counter[int], last_ns: int | None) -> int | None:
         data = self._source.read(begin, end - begin)

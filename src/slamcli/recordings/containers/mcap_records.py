@@ -23,7 +23,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_FIELDS = _MESSAGE.size - PREFIX.size
 _CHUNK_FIELDS = struct.Struct("<QQQI")
 _MAX_TIME = 2**63 - 1
-_FIRST_PRIVATE = 0x80
+FIRST_PRIVATE = 0x80
 _ENCODINGS = {"ros1msg": ("msg", "ros1"), "ros2msg": ("msg", "cdr"), "ros2idl": ("idl", "cdr")}
 
 
@@ -250,7 +250,7 @@ def read_segment(data: bytes, channels: Mapping[int, int] | None, catalogue: Cat
             except RecordError as error:
                 segment.error = str(error)
                 break
-        elif op < _FIRST_PRIVATE and op not in (SCHEMA, CHANNEL):
+        elif op < FIRST_PRIVATE and op not in (SCHEMA, CHANNEL):
             segment.error = f"a record of type {op} lies among the messages"
         position = segment.end = end
     segment.num_messages = len(entries) + skipped
