@@ -76,10 +76,7 @@ def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
     """
     target = Path(target)
     resolved = target.resolve()
-    if target.exists() and not target.is_dir():
-        raise UsageError(f"{target} is a file: name a folder for the output")
-    if Path.cwd().is_relative_to(resolved):
-        raise UsageError(f"{target} is the folder you are in (or above it): name a new folder for the output")
+    check_directory(target)
     with _writable(target):
         resolved.parent.mkdir(parents=True, exist_ok=True)
         _remove_stale(resolved.parent)
@@ -97,6 +94,21 @@ def atomic_directory(target: str | os.PathLike[str]) -> Iterator[Path]:
             temporary.rename(resolved)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_directory(target: str | os.PathLike[str]) -> None:
+    """Raise what `atomic_directory` would for a target that cannot be one: worth knowing before long work.
+
+    Raises
+    ------
+    UsageError
+        If `target` is a file, or the current folder or one above it.
+    """
+    target = Path(target)
+    if target.exists() and not target.is_dir():
+        raise UsageError(f"{target} is a file: name a folder for the output")
+    if Path.cwd().is_relative_to(target.resolve()):
+        raise UsageError(f"{target} is the folder you are in (or above it): name a new folder for the output")
 
 
 @contextlib.contextmanager

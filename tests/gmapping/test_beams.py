@@ -90,3 +90,9 @@ def test_a_fan_that_changes_is_followed():
     first = model.beams(scan([1.0, 1.0])).points
     model.beams(scan([1.0, 1.0], angle_min_rad=1.0))
     np.testing.assert_array_equal(model.beams(scan([1.0, 1.0])).points, first)
+
+
+@pytest.mark.parametrize("policy", ["free", "max"])
+def test_without_any_limit_a_beam_without_return_clears_nothing(policy):
+    found = beams([2.0, math.inf], no_return=policy, maxRange=math.inf)
+    np.testing.assert_allclose(found.ends, [[2.0, 0.0]], atol=1e-6)

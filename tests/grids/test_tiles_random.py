@@ -206,9 +206,15 @@ def test_absurd_poses_are_refused_and_leave_the_maps_alone(pose):
     assert_equal(maps, twin)
 
 
-def test_absurd_bounds_are_refused():
-    with pytest.raises(DataError, match="delta is too small"):
-        TiledMaps(1, 0.001, (-1e6, -1e6, 1e6, 1e6))
+def test_a_first_extent_that_is_too_large_starts_small_and_one_without_end_is_refused():
+    maps, twin = TiledMaps(1, DELTA, (-1e6, -1e6, 1e6, 1e6)), NaiveMaps(1)
+    assert maps.tables.size < 100
+    for each in (maps, twin):
+        each.add_scan(np.array([[20.0, -30.0, 0.5]]), np.zeros((1, 2)), np.array([[1.0, 0.3]]), np.array([True]))
+    assert_equal(maps, twin)
+    for bounds in ((-np.inf, -1.0, 1.0, 1.0), (-1.0, -1.0, 1.0, np.nan)):
+        with pytest.raises(DataError, match="extent"):
+            TiledMaps(1, DELTA, bounds)
 
 
 def test_occupancy_equals_the_twins_shares():
@@ -226,3 +232,10 @@ def test_occupancy_equals_the_twins_shares():
         row0, column0 = (round(value / DELTA) for value in (grid.origin[1], grid.origin[0]))
         for (i, j), (visits, hits, *_) in twin.maps[0].items():
             assert grid.cells[i - row0, j - column0] == (100 if hits > np.float32(threshold) * visits else 0)
+
+
+@pytest.mark.parametrize("end", [np.nan, np.inf])
+def test_ends_that_are_not_finite_are_refused(end):
+    maps = TiledMaps(1, DELTA, (-1.0, -1.0, 1.0, 1.0))
+    with pytest.raises(DataError, match="finite"):
+        maps.add_scan(np.zeros((1, 3)), np.zeros((1, 2)), np.array([[0.5, 0.0], [end, 0.0]]), np.ones(2, np.bool_))

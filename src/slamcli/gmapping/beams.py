@@ -70,6 +70,8 @@ class BeamModel:
         cleared = returned & ~matched
         if self._no_return != "ignore":
             cleared |= valid & ~returned
+        if not math.isfinite(usable):  # nobody knows how far such a beam was free
+            cleared[:] = False
         drawn = matched | cleared
         length = np.where(matched, ranges, usable)
         hit = matched | (cleared & (self._no_return == "max"))

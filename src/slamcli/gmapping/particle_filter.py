@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.errors import ConfigError
 from slamcli.gmapping.beams import Beams
 from slamcli.gmapping.motion import MotionModel
 from slamcli.gmapping.parameters import GmappingParameters
@@ -24,6 +25,7 @@ _PRIOR_WIDTH = 10.0
 """Standard deviations of the motion model that count as one where the alignment is held to the prediction."""
 _LEAST_SIGMAS = np.array([0.2, 0.2, 0.1])
 """Least standard deviations (metres, radians) by which the alignment is held where walls do not hold it, as in a corridor."""
+_MOST_SAMPLES = 20_000
 _KLD_BIN = np.array([0.1, 0.1, math.radians(2.0)])
 
 
@@ -128,6 +130,12 @@ class ParticleFilter:
     def _draw_from_proposal(self, beams: Beams, predicted: NDArray[np.float64]) -> NDArray[np.float64]:
         """Draw each pose from the Gaussian around its optimum; returns log eta (T-RO 2007, equations 14 to 19)."""
         p = self.parameters
+        count = (2 * p.llsamplerange / p.llsamplestep + 1) ** 2 * (2 * p.lasamplerange / p.lasamplestep + 1)
+        if count > _MOST_SAMPLES:
+            raise ConfigError(
+                f"llsamplerange, llsamplestep, lasamplerange and lasamplestep ask for {count:.3g} samples of each particle; "
+                f"at most {_MOST_SAMPLES} are possible"
+            )
         linear = np.arange(-p.llsamplerange, p.llsamplerange + p.llsamplestep / 2, p.llsamplestep)
         angular = np.arange(-p.lasamplerange, p.lasamplerange + p.lasamplestep / 2, p.lasamplestep)
         offsets = np.stack(np.meshgrid(linear, linear, angular, indexing="ij"), axis=-1).reshape(-1, 3)

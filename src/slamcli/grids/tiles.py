@@ -37,6 +37,8 @@ class TiledMaps:
         self.delta = delta
         self._tile_m = delta * _kernels.TILE
         self._executor, self._jobs = executor, max(1, jobs)
+        if not np.isfinite(bounds).all():
+            raise DataError(f"the first extent of a map must be finite, not {tuple(float(value) for value in bounds)}")
         x_min, y_min, x_max, y_max = bounds
         column, row = int(np.floor(x_min / self._tile_m)), int(np.floor(y_min / self._tile_m))
         columns, rows = int(np.ceil(x_max / self._tile_m)) - column, int(np.ceil(y_max / self._tile_m)) - row
@@ -157,7 +159,7 @@ class TiledMaps:
     def _grow_to(self, poses: NDArray[np.float64], start: NDArray[np.float64], ends: NDArray[np.float64]) -> None:
         reach = float(np.sqrt(max((start**2).sum(axis=1).max(), (ends**2).sum(axis=1).max()))) + 2 * self.delta
         low, high = poses[:, :2].min(axis=0) - reach, poses[:, :2].max(axis=0) + reach
-        if not (np.isfinite(low).all() and np.isfinite(high).all() and np.isfinite(poses[:, 2]).all()):
+        if not all(np.isfinite(values).all() for values in (low, high, poses, start, ends)):
             raise DataError("a scan cannot be drawn: its pose or one of its ranges is not finite")
         row, column = self._corner
         need_row, need_column = int(np.floor(low[1] / self._tile_m)), int(np.floor(low[0] / self._tile_m))

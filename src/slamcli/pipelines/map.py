@@ -14,7 +14,7 @@ from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.mapper import MappingResult, Setup, find_tier
-from slamcli.outputs import atomic_directory
+from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.evaluate import TrajectoryScore, score_trajectory
@@ -26,7 +26,6 @@ from slamcli.recordings import Mends, open_recording
 from slamcli.reports.figures import map_png
 from slamcli.reports.html import report
 from slamcli.runtime import RunLog
-from slamcli.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +78,8 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     began = time.perf_counter()
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
     output = request.output or default_output(request.inputs)
+    check_directory(output)
+    reference = None if request.truth is None else load_trajectory(request.truth, log=log)
     with ThreadPoolExecutor(1) as background:
         digests = (
             background.submit(describe_inputs, request.inputs) if all(p.exists() for p in request.inputs) else None
@@ -92,7 +93,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             duration_s = feed.length_s
         result = mapper.finish()
         inputs = digests.result() if digests is not None else []
-    score = _score(request, result.trajectory, log)
+    score = None if reference is None else score_trajectory(result.trajectory, reference, log=log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
             if result.grid is not None:
@@ -150,12 +151,6 @@ def _setup(request: MapRequest, config: NativeConfig, feed: PlanarFeed, log: Run
         no_return=request.mends.no_return,
         log=log,
     )
-
-
-def _score(request: MapRequest, trajectory: Trajectory, log: RunLog) -> TrajectoryScore | None:
-    if request.truth is None:
-        return None
-    return score_trajectory(trajectory, load_trajectory(request.truth, log=log), log=log)
 
 
 def _changed(config: NativeConfig) -> dict[str, Any]:
