@@ -29,6 +29,7 @@ _TURNING_SCANS = 400
 """Scans during which the robot turned that the estimate of the clock offset rests on, where there are that many."""
 _TRUSTED_QUALITY = 0.5
 _SLIP_SIGMAS = 5.0
+_DRAW_M, _DRAW_RAD = 0.2, 0.1
 _LONGEST_PERIOD_S = 1.0
 """Time between two scans over which the motion does not tell the velocity during a sweep."""
 _BAD_CLOCK = 0.01
@@ -80,7 +81,12 @@ class GmappingMapper:
         indices, path = particles.best_path()
         poses = between_updates(motions, indices, path)
         with log.stage("final map"):
-            grid = self._final_map(indices, path, stamps, motions, beams)
+            drawn = (
+                indices
+                if self._parameters.map_scans == "processed"
+                else moved_scans(poses, self._parameters.map_scans == "all")
+            )
+            grid = self._final_map(drawn, poses[drawn], stamps, motions, beams)
         trajectory = Trajectory.from_se2(
             [s.stamp_ns for s in self._scans], poses, self._setup.map_frame, self._setup.base_frame
         )
@@ -259,7 +265,7 @@ class GmappingMapper:
         motions: NDArray[np.float64],
         beams: dict[str, BeamModel],
     ) -> OccupancyGrid:
-        """Draw the processed scans from the best particle's poses into an empty map."""
+        """Draw scans from their poses (K, 3) on the best particle's path into an empty map."""
         p = self._parameters
         x, y = path[0, :2]
         final = TiledMaps(1, p.delta, (x - 10.0, y - 10.0, x + 10.0, y + 10.0))
@@ -332,6 +338,19 @@ class GmappingMapper:
             "mean_match_quality": float(np.mean([step.quality for step in odometry_steps])) if odometry_steps else None,
             "tiles": particles.maps.num_tiles,
         }
+
+
+def moved_scans(poses: NDArray[np.float64], every: bool = False) -> NDArray[np.int64]:
+    """Return the indices of `every` scan, or of those before which the robot moved or turned enough to see something new."""
+    if every:
+        return np.arange(len(poses))
+    chosen, last = [0], poses[0]
+    for k in range(1, len(poses)):
+        dx, dy, turn = poses[k] - last
+        if math.hypot(dx, dy) > _DRAW_M or abs(math.remainder(turn, math.tau)) > _DRAW_RAD:
+            chosen.append(k)
+            last = poses[k]
+    return np.array(chosen, dtype=np.int64)
 
 
 def between_updates(

@@ -132,3 +132,7 @@ class GmappingParameters:
         "put beams to where the moving robot was when each was measured, where scans tell their time_increment",
         extension=True,
     )
+    map_scans: str = parameter(
+        "moved", "scans in the final map: moved draws one every 0.2 m or 0.1 rad; processed those that the filter took, as ROS gmapping; all",
+        choices=("moved", "processed", "all"), extension=True,
+    )  # fmt: skip

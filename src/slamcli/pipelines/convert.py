@@ -18,10 +18,11 @@ from slamcli.recordings.breezy import BreezyOptions, read_breezy
 from slamcli.recordings.carmen import CarmenOptions, read_carmen
 from slamcli.recordings.classic_log import classic_kind
 from slamcli.recordings.containers import create_raw, open_raw
+from slamcli.recordings.containers.reader import JoinedReader
 from slamcli.recordings.containers.transcoding import Transcoder, TranscodingError
 from slamcli.recordings.containers.writer import FileWriter
 from slamcli.recordings.log_record import LogRecord
-from slamcli.recordings.raw import Contents, RawMessage, RawReader, Topic
+from slamcli.recordings.raw import Contents, RawMessage, Topic
 from slamcli.recordings.writing import RecordingWriter
 from slamcli.runtime import RunLog
 
@@ -221,7 +222,7 @@ class _Copy:
         """Messages that could not be converted."""
         return self._lost.total()
 
-    def run(self, reader: RawReader) -> None:
+    def run(self, reader: JoinedReader) -> None:
         contents = reader.contents
         names = [topic.name for topic in contents.topics]
         self._selection.check(names)
@@ -238,9 +239,19 @@ class _Copy:
                     self._log.progress.update((message.log_time_ns - first_ns) / 1e9)
                 if message.channel in channels:
                     self._copy(message, channels)
+        self._copy_extras(reader)
         for topic, count in self._lost.items():
             self._log.warn(
                 f"{topic}: {count} messages are not what their type says and are left out ({self._first_loss[topic]})"
+            )
+
+    def _copy_extras(self, reader: JoinedReader) -> None:
+        """Carry attachments and metadata of MCAP files over."""
+        left_out = [extra.name for extra in reader.extras() if not self._writer.add_extra(extra)]
+        if left_out:
+            self._log.warn(
+                f"{len(left_out)} attachments and metadata records are left out ({', '.join(left_out[:5])}): "
+                f"{self._writer.format} has no place for them"
             )
 
     def _add_topics(self, contents: Contents) -> dict[int, int]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from slamcli.recordings.containers import mcap_records as records
 from slamcli.recordings.containers.compression import MAX_CHUNK_BYTES, DecompressionError, decompress
 from slamcli.recordings.containers.damage import Damage, at_time
+from slamcli.recordings.containers.mcap_extras import MAX_EXTRA_BYTES, Extra, place_of, read_extra
 from slamcli.recordings.containers.mcap_records import PREFIX, Catalogue, RecordError
 from slamcli.recordings.containers.mcap_resync import next_record
 from slamcli.recordings.containers.runs import Budget, Buffer, Run, stream_entries
@@ -46,6 +47,7 @@ class McapVolume:
         self._budget = budget
         self._catalogue = Catalogue()
         self._parts: list[_Part] | None = None
+        self._extras: list[tuple[int, int]] = []
         self._counts: dict[int, int] | None = None
         self._channels: dict[int, int] = {}
         self.compression = "none"
@@ -54,7 +56,7 @@ class McapVolume:
         try:
             self._read_summary()
         except RecordError as reason:
-            self._catalogue, self._counts = Catalogue(), None
+            self._catalogue, self._counts, self._extras = Catalogue(), None, []
             self._scan(str(reason))
         self._register()
 
@@ -70,6 +72,27 @@ class McapVolume:
             and (stop_ns is None or part.start_ns < stop_ns)
             and (wanted is None or not part.channels or not wanted.isdisjoint(part.channels))
         ]
+
+    def extras(self) -> Iterator[Extra]:
+        """Yield attachments and metadata records in the order of the file."""
+        if self._parts is None:
+            self._scan("")
+        for position, length in sorted(set(self._extras)):
+            try:
+                if not PREFIX.size < length <= MAX_EXTRA_BYTES or position + length > self._source.size:
+                    raise RecordError(f"it has {length} bytes")  # noqa: TRY301
+                data = self._source.read(position, length)
+                op, size = PREFIX.unpack_from(data)
+                if op not in (records.ATTACHMENT, records.METADATA) or size != length - PREFIX.size:
+                    raise RecordError("there is none")  # noqa: TRY301
+                extra = read_extra(op, data[PREFIX.size :])
+            except RecordError as error:
+                self._damage.add(
+                    f"{self._source.path}: the attachment or metadata at byte {position} is left out ({error})"
+                )
+                continue
+            if extra is not None:
+                yield extra
 
     def close(self) -> None:
         """Close the file."""
@@ -124,6 +147,8 @@ class McapVolume:
                 if not len(records.MAGIC) <= chunk.position < self._source.size:
                     raise RecordError("its summary points outside of the file")
                 chunks.append(chunk)
+            elif op in (records.ATTACHMENT_INDEX, records.METADATA_INDEX):
+                self._extras.append(place_of(data[begin:position]))
         return statistics, chunks
 
     def _scan(self, reason: str) -> None:
@@ -183,6 +208,8 @@ class McapVolume:
                 loose_begin = -1
             if op == records.CHUNK:
                 last_ns = self._scan_chunk(position, length, counts, last_ns)
+            if op in (records.ATTACHMENT, records.METADATA):
+                self._extras.append((position, end - position))
             search_from = end if op == records.CHUNK else position + 1
             position = end
             if op in (records.FOOTER, records.DATA_END):

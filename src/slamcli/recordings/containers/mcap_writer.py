@@ -14,6 +14,7 @@ import zstandard
 
 from slamcli import __version__
 from slamcli.recordings.containers import mcap_records as records
+from slamcli.recordings.containers.mcap_extras import Extra, index_of
 from slamcli.recordings.containers.mcap_records import PREFIX
 from slamcli.recordings.raw import RawMessage, Topic
 
@@ -41,6 +42,7 @@ class McapFile:
         self._index: dict[int, list[tuple[int, int]]] = {}
         self._start = self._end = 0
         self._chunks: list[bytes] = []
+        self._extras: list[tuple[int, bytes]] = []  # their index records
         self._counts: Counter[int] = Counter()
         self._times: tuple[int, int] | None = None
 
@@ -73,6 +75,17 @@ class McapFile:
         self._counts[channel] += 1
         if self._size >= CHUNK_BYTES:
             self._flush_chunk()
+
+    def add_extra(self, extra: Extra) -> None:
+        """Write an attachment or metadata record, behind the messages so far."""
+        if self._pending:
+            self._append(self._pending)
+            self._pending = b""
+        self._flush_chunk()
+        self._begin()
+        position = self._position
+        self._emit(extra.op, extra.body)
+        self._extras.append(index_of(extra, position, self._position - position))
 
     def close(self) -> None:
         """Write what is left, the summary and the footer, and close the file."""
@@ -154,6 +167,8 @@ class McapFile:
             records.STATISTICS: _record(records.STATISTICS, self._statistics()),
             records.CHUNK_INDEX: b"".join(_record(records.CHUNK_INDEX, body) for body in self._chunks),
         }
+        for kind in (records.ATTACHMENT_INDEX, records.METADATA_INDEX):
+            groups[kind] = b"".join(_record(op, body) for op, body in self._extras if op == kind)
         summary, offsets = b"", b""
         for op, data in groups.items():
             if data:
@@ -176,10 +191,13 @@ class McapFile:
 
     def _statistics(self) -> bytes:
         start, end = self._times or (0, 0)
+        attachments = sum(op == records.ATTACHMENT_INDEX for op, _ in self._extras)
         counts = b"".join(struct.pack("<HQ", *item) for item in sorted(self._counts.items()))
         return (
             struct.pack("<QHI", self._counts.total(), len(self._schemas), len(self._topics))
-            + struct.pack("<IIIQQI", 0, 0, len(self._chunks), start, end, len(counts))
+            + struct.pack(
+                "<IIIQQI", attachments, len(self._extras) - attachments, len(self._chunks), start, end, len(counts)
+            )
             + counts
         )
 

@@ -19,6 +19,7 @@ from slamcli.recordings.containers.compression import DecompressionError, decomp
 from slamcli.recordings.containers.damage import Damage
 from slamcli.recordings.containers.decoding import Decoder
 from slamcli.recordings.containers.folder import read_folder
+from slamcli.recordings.containers.mcap_extras import Extra
 from slamcli.recordings.containers.mcap_reader import McapVolume
 from slamcli.recordings.containers.rosbag1_reader import Rosbag1Volume
 from slamcli.recordings.containers.runs import Budget, Run, merge
@@ -102,6 +103,12 @@ class JoinedReader:
         runs = [run for volume in self._volumes for run in volume.runs(channels, start_ns, stop_ns)]
         stream = merge(runs)
         return self._unpack(stream) if self._compressed_messages else stream
+
+    def extras(self) -> Iterator[Extra]:
+        """Yield the attachments and metadata records of MCAP files."""
+        for volume in self._volumes:
+            if isinstance(volume, McapVolume):
+                yield from volume.extras()
 
     def decode(self, message: RawMessage) -> Any:
         """Return the message as rosbags' decoded object.

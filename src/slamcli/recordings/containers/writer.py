@@ -20,6 +20,7 @@ from slamcli.outputs import atomic_directory, atomic_path
 from slamcli.recordings.containers import mcap_writer, rosbag1_writer, sqlite_writer
 from slamcli.recordings.containers.decoding import completed_topic
 from slamcli.recordings.containers.folder import STORAGE_SUFFIXES
+from slamcli.recordings.containers.mcap_extras import Extra
 from slamcli.recordings.containers.qos import LATCHED_QOS
 from slamcli.recordings.raw import RawMessage, Topic
 
@@ -104,6 +105,14 @@ class FileWriter:
         time = message.log_time_ns
         self._start = min(self._start, time)
         self._end = max(self._end, time)
+
+    def add_extra(self, extra: Extra) -> bool:
+        """Write an attachment or metadata record of an MCAP file; False where the format has no place for it."""
+        file = self._open()
+        if not isinstance(file, mcap_writer.McapFile):
+            return False
+        file.add_extra(extra)
+        return True
 
     def __enter__(self) -> Self:
         if self.format.startswith("rosbag2"):
