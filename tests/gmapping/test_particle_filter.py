@@ -191,7 +191,7 @@ def test_motion_noise_has_the_sigmas_of_the_model():
 def test_every_way_of_matching_holds_a_drive_with_true_motions(proposal, match):
     _, poses = drive(60)
     parameters = GmappingParameters(
-        particles=4, proposal=proposal, match=match, xmin=-5.0, xmax=5.0, ymin=-5.0, ymax=5.0
+        particles=8, proposal=proposal, match=match, scan_odometry_noise=0.1, xmin=-5.0, xmax=5.0, ymin=-5.0, ymax=5.0
     )
     particles = ParticleFilter(parameters, np.random.default_rng(7), np.zeros(3))
     for index in range(0, 60, 6):
@@ -200,5 +200,5 @@ def test_every_way_of_matching_holds_a_drive_with_true_motions(proposal, match):
         particles.update(index, beams_at(poses[index]))
     _, path = particles.best_path()
     errors = path - from_first(poses[::6])
-    assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.06
-    assert np.abs(se2.wrap_angle(errors[:, 2])).max() < 0.04
+    assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.1
+    assert np.abs(se2.wrap_angle(errors[:, 2])).max() < 0.06
