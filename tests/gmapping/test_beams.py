@@ -96,3 +96,33 @@ def test_a_fan_that_changes_is_followed():
 def test_without_any_limit_a_beam_without_return_clears_nothing(policy):
     found = beams([2.0, math.inf], no_return=policy, maxRange=math.inf)
     np.testing.assert_allclose(found.ends, [[2.0, 0.0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_deskewed_beams_lie_where_a_moving_robot_saw_them(reverse):
+    """A base that turns and drives while each beam is measured sees fixed points; put right they are where they are."""
+    count, step, twist = 8, 0.02, np.array([0.8, -0.1, 0.9])
+    targets = np.column_stack([np.linspace(2, 4, count), np.linspace(-2, 2, count)])
+    times = np.arange(count) * step
+    times = times[::-1] if reverse else times
+    found = []
+    for target, seconds in zip(targets, times, strict=True):
+        # The sweep is short: the base has moved by v t and turned by w t, to first order.
+        pose = np.array([twist[0] * seconds, twist[1] * seconds, twist[2] * seconds])
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        seen = np.array([[c, s], [-s, c]]) @ (target - pose[:2])
+        angle, distance = math.atan2(seen[1], seen[0]), float(np.hypot(*seen))
+        values = np.full(count, np.nan, dtype=np.float32)
+        index = int(np.flatnonzero(times == seconds)[0])
+        values[index] = distance
+        swept = LaserScan(
+            stamp_ns=0, frame_id="laser", angle_min_rad=angle - index * 0.1, angle_increment_rad=0.1, range_min_m=0.1,
+            range_max_m=10.0, ranges_m=values, time_increment_s=-step if reverse else step,
+        )  # fmt: skip
+        model = BeamModel(GmappingParameters(), np.eye(4))
+        put_right = model.beams(swept, twist)
+        np.testing.assert_allclose(put_right.ends, put_right.points)
+        np.testing.assert_allclose(np.linalg.norm(put_right.directions, axis=1), 1.0)
+        assert np.linalg.norm(model.beams(swept).points[0] - target) > 0.02 or seconds < 0.02
+        found.append(put_right.points[0])
+    np.testing.assert_allclose(found, targets, atol=0.012)

@@ -17,7 +17,11 @@ class NaiveView:
 
     @property
     def kernel_view(self):
-        return (self.maps.cells, self.table, float(self.corner[0]), float(self.corner[1]), self.delta)
+        return (self.maps.cells, self.table, float(self.corner[0]), float(self.corner[1]), self.delta, 1.0 / self.delta)
+
+    def cell(self, point):
+        inverse = 1.0 / self.delta  # as the kernels do it, so that a point on a border falls into the same cell
+        return math.floor(point[1] * inverse), math.floor(point[0] * inverse)
 
     def inside(self, i, j):
         return 0 <= i < 32 * self.table.shape[0] and 0 <= j < 32 * self.table.shape[1]
@@ -31,7 +35,7 @@ class NaiveView:
 
     def window_hits(self, point, window, fullness):
         """Mean hits of the full cells around a point; none at all where the window leaves the map."""
-        i0, j0 = math.floor(point[1] / self.delta), math.floor(point[0] / self.delta)
+        i0, j0 = self.cell(point)
         if not (self.inside(i0 - window, j0 - window) and self.inside(i0 + window, j0 + window)):
             return []
         cells = [(i0 + a, j0 + b) for a in range(-window, window + 1) for b in range(-window, window + 1)]
@@ -50,7 +54,7 @@ class NaiveView:
         distances = []
         for point, beam in zip(self.place(points, pose), beams, strict=True):
             before = point - free_check * beam
-            i, j = math.floor(before[1] / self.delta), math.floor(before[0] / self.delta)
+            i, j = self.cell(before)
             blocked = free_check > 0 and self.inside(i, j) and self.hit(i, j, fullness) is not None
             hits = [] if blocked else self.window_hits(point, window, fullness)
             distances.append(min((float(((point - hit) ** 2).sum()) for hit in hits), default=math.inf))

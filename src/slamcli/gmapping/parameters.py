@@ -85,7 +85,7 @@ class GmappingParameters:
     )
     time_offset: str = parameter(
         "auto",
-        "laser clock minus odometry clock: auto estimates it, or a number of seconds",
+        "odometry clock minus laser clock, added to a scan's stamp to look up its odometry: auto estimates it, or a number",
         unit="s",
         choices=("auto", "NUMBER"),
         extension=True,
