@@ -193,7 +193,7 @@ def command(
     \b
     slamcli evaluate intel/trajectory.tum intel.relations
     slamcli evaluate run/trajectory.tum groundtruth.txt --max ate.rmse=0.05 --min coverage.time=0.9
-    slamcli evaluate bag.mcap:/amcl_pose bag.mcap:map>base_link --t-max-diff 0.05 --json
+    slamcli evaluate bag.mcap:/amcl_pose 'bag.mcap:map>base_link' --t-max-diff 0.05 --json
     slamcli evaluate kitti_est.txt kitti_gt.txt --metric segments
     slamcli evaluate intel/map.yaml floorplan.yaml --plot difference.png
 
