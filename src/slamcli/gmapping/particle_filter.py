@@ -142,9 +142,9 @@ class ParticleFilter:
         logs = sample_likelihoods(self.maps, beams.points, beams.directions, self.poses, offsets, self._matching)
         deviation = self.poses[:, None, :] + offsets - predicted[:, None, :]
         deviation[..., 2] = np.remainder(deviation[..., 2] + np.pi, 2 * np.pi) - np.pi
-        logs = logs - 0.5 * (deviation**2 / np.maximum(self._since_update, 1e-6)).sum(
-            axis=-1
-        )  # eq. 14: p(z | m, x) p(x | x', u)
+        spread = np.maximum(self._since_update, 1e-6)
+        spread[:2] = spread[:2].max()  # along and across the robot differ, and the robot has turned since
+        logs = logs - 0.5 * (deviation**2 / spread).sum(axis=-1)  # eq. 14: p(z | m, x) p(x | x', u)
         top = logs.max(axis=1)
         weights = np.exp(logs - top[:, None])
         eta = weights.sum(axis=1)  # eq. 18

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from slamcli.errors import CalibrationError
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
@@ -22,7 +23,7 @@ from slamcli.pipelines.planar_input import PlanarFeed, feed_planar
 from slamcli.pipelines.run_record import describe_inputs, run_document, step_columns, to_json
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import laid_over
-from slamcli.recordings import Mends, open_recording
+from slamcli.recordings import Mends, Recording, open_recording
 from slamcli.reports.figures import map_png
 from slamcli.reports.html import report
 from slamcli.runtime import RunLog
@@ -85,6 +86,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             background.submit(describe_inputs, request.inputs) if all(p.exists() for p in request.inputs) else None
         )
         with open_recording(request.inputs, mends=request.mends, log=log) as recording:
+            _check_frame(request.base_frame, recording)
             feed = feed_planar(recording, _picks(request, config), log)
             mapper = find_tier(request.algo).build(config.parameters, _setup(request, config, feed, log))
             with log.stage("read"):
@@ -139,6 +141,19 @@ def _picks(request: MapRequest, config: NativeConfig) -> dict[str, Any]:
         "start_s": request.start_s,
         "duration_s": request.duration_s,
     }
+
+
+def _check_frame(name: str | None, recording: Recording) -> None:
+    """Refuse a base frame that the user named and the recording's transforms do not know.
+
+    Raises
+    ------
+    CalibrationError
+        If there are transforms, and none of that frame.
+    """
+    known = recording.frames().frames if name is not None else ()
+    if known and name not in known:
+        raise CalibrationError(f"--base-frame {name}: {recording.name} has no such frame; it has {', '.join(known)}")
 
 
 def _setup(request: MapRequest, config: NativeConfig, feed: PlanarFeed, log: RunLog) -> Setup:
