@@ -135,7 +135,7 @@ def test_kld_follows_the_spread(monkeypatch):
 def test_the_improved_proposal_is_the_product_of_match_and_motion(monkeypatch):
     """Quadratic likelihood times Gaussian motion: mean, covariance and normaliser are known in closed form."""
     count, spread = 3000, np.array([0.03, 0.02, 0.015])
-    optimum, motion_sigma = np.array([0.02, -0.03, 0.01]), np.array([0.04, 0.05, 0.02])
+    optimum, motion_sigma = np.array([0.02, -0.03, 0.01]), np.array([0.05, 0.05, 0.02])
 
     def sample(maps, points, directions, poses, offsets, settings):
         error = (poses[:, None] + offsets[None] - optimum) / spread
