@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamcli.gmapping.beams import Beams
 from slamcli.grids.tiles import TiledMaps
@@ -55,7 +56,8 @@ class ScanOdometry:
 
     Two local maps overlap: scans are matched with the older one, which holds 40 to 80 keyframes, and drawn into both, so
     that there is always a map with a past (as the two active submaps of Hess et al., ICRA 2016). Where a match is poor,
-    the heading is searched over 0.6 rad to both sides with hardly any trust in the prediction: wheels slip.
+    the heading is searched over 0.6 rad to both sides, with hardly any trust in the prediction: wheels slip, and clocks
+    differ.
     """
 
     def __init__(self, delta: float, pose: Pose = (0.0, 0.0, 0.0)) -> None:
@@ -84,16 +86,30 @@ class ScanOdometry:
         *pose, quality = align(prior, prior, information)
         searched = quality < _POOR_QUALITY
         if searched:
-            rough = surface_aligner(self._maps[0], beams.points, self._rough)
-            for yaw in _WIDE_YAWS_RAD:
-                *start, _ = rough(prior + np.array([0.0, 0.0, yaw]), prior, _WIDE_PRIOR * information)
-                *trial, trial_quality = align(np.array(start), prior, _WIDE_PRIOR * information)
-                if trial_quality > quality + _CLEAR_GAIN:
-                    pose, quality = trial, trial_quality
+            *found, found_quality = self._search(beams, predicted, _WIDE_PRIOR * information)
+            if found_quality > quality + _CLEAR_GAIN:
+                pose, quality = found, found_quality
         x, y, yaw = pose
         shift = math.hypot(x - predicted[0], y - predicted[1]) / sigmas[0]
         turn = abs(math.remainder(yaw - predicted[2], math.tau)) / sigmas[1]
         return ScanStep((x, y, math.remainder(yaw, math.tau)), quality, max(shift, turn), searched)
+
+    def _search(
+        self, beams: Beams, predicted: Pose, information: NDArray[np.float64]
+    ) -> tuple[float, float, float, float]:
+        """Return the best match over headings around the prediction and, if it is far off, around where the robot was."""
+        rough = surface_aligner(self._maps[0], beams.points, self._rough)
+        align = surface_aligner(self._maps[0], beams.points, self._usual)
+        prior, stood_still = np.array(predicted), np.array(self.pose)
+        dx, dy, turn = between(self.pose, predicted)
+        centres = [prior, stood_still] if math.hypot(dx, dy) > _KEYFRAME_M or abs(turn) > _KEYFRAME_RAD else [prior]
+        best = (*predicted, 0.0)
+        for start in (centre + np.array([0.0, 0.0, yaw]) for centre in centres for yaw in _WIDE_YAWS_RAD):
+            *pose, _ = rough(start, prior, information)
+            trial = align(np.array(pose), prior, information)
+            if trial[3] > best[3]:
+                best = trial
+        return best
 
     def _remember(self, beams: Beams) -> None:
         if self._keyframe is not None:
