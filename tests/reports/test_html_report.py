@@ -162,11 +162,12 @@ def test_little_is_enough(missing):
 def test_empty_and_odd_columns():
     empty = Trajectory.from_se2(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     steps = dict(stamp_ns=np.zeros(0, dtype=np.int64), neff=np.zeros(0))
-    parse(
+    nothing = parse(
         report(
             {}, steps=steps, trajectory=empty, truth=empty, errors=dict(stamp_ns=np.zeros(0), translation_m=np.zeros(0))
         )
     )
+    assert "img" not in nothing.tags
     stamps = np.array([5, 3, 9], dtype=np.int64)
     odd = dict(
         stamp_ns=stamps,
@@ -174,7 +175,7 @@ def test_empty_and_odd_columns():
         b=np.array([1.0, np.nan, 2.0]),
         c=np.array(["x", "y", "z"]),
     )
-    parse(report({}, steps=odd))
+    assert "3 steps" in " ".join(parse(report({}, steps=odd)).text)
 
 
 def test_stages_may_stand_in_a_mapping_of_their_own():
