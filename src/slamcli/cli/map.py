@@ -112,9 +112,14 @@ def command(
 
 def _tell(outcome: MapOutcome, console: Console) -> None:
     run, summary = outcome.run, outcome.run["summary"]
-    resolution = outcome.result.grid.resolution_m if outcome.result.grid is not None else 0.0
+    grid = outcome.result.grid
+    size = (
+        ""
+        if grid is None
+        else f"map of {grid.width * grid.resolution_m:.1f} x {grid.height * grid.resolution_m:.1f} m, "
+    )
     console.say(
-        f"{outcome.output}: map of {summary['map_width_cells'] * resolution:.1f} x {summary['map_height_cells'] * resolution:.1f} m, "
+        f"{outcome.output}: {size}"
         f"{summary['poses']} poses, path of {summary['path_length_m']:.1f} m, "
         f"{run['timing']['total_s']:.1f} s ({run['timing']['realtime_factor']:.0f} x real time), {run['peak_memory_bytes'] / 1e6:.0f} MB"
     )

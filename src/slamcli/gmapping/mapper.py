@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -205,11 +204,8 @@ class GmappingMapper:
             before = odometry.pose
             if k and poses is not None:
                 guess = between(_pose(poses[k - 1]), _pose(poses[k]))
-            twist = self._twist(
-                k,
-                stamps,
-                guess if poses is None or k + 1 == len(stamps) else between(_pose(poses[k]), _pose(poses[k + 1])),
-            )
+            ahead = guess if poses is None or k + 1 == len(stamps) else between(_pose(poses[k]), _pose(poses[k + 1]))
+            twist = self._twist(k, stamps, np.array([ahead]))
             known = poses is not None and enough_turns is None
             steps.append(odometry.step(beams[scan.topic].beams(scan, twist), guess, known=known))
             guess = between(before, odometry.pose)
@@ -242,20 +238,19 @@ class GmappingMapper:
             )
             if k and not due:
                 continue
-            particles.update(
-                k, beams[scan.topic].beams(scan, self._twist(k, stamps, motions[min(k + 1, len(motions) - 1)]))
-            )
+            particles.update(k, beams[scan.topic].beams(scan, self._twist(k, stamps, motions[k + 1 : k + 2])))
             distance, turn, last = 0.0, 0.0, stamps[k]
             progress.update((stamps[k] - stamps[0]) / 1e9)
 
-    def _twist(
-        self, k: int, stamps: NDArray[np.int64], motion: Sequence[float] | NDArray[np.float64]
-    ) -> NDArray[np.float64] | None:
-        """Return the velocity (3,) during the sweep of scan k from the motion to the next one; None to leave it as it is."""
+    def _twist(self, k: int, stamps: NDArray[np.int64], ahead: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the velocity (3,) during the sweep of scan k from the motion to the next one, `ahead` (1, 3) or (0, 3).
+
+        None leaves the scan as it is.
+        """
         if not self._sweeps or k + 1 >= len(stamps):
             return None
         seconds = (stamps[k + 1] - stamps[k]) / 1e9
-        return np.asarray(motion) / seconds if 1e-3 < seconds < _LONGEST_PERIOD_S else None
+        return ahead[0] / seconds if 1e-3 < seconds < _LONGEST_PERIOD_S else None
 
     def _final_map(
         self,
@@ -271,9 +266,7 @@ class GmappingMapper:
         final = TiledMaps(1, p.delta, (x - 10.0, y - 10.0, x + 10.0, y + 10.0))
         for index, pose in zip(indices, path, strict=True):
             scan = self._scans[index]
-            drawn = beams[scan.topic].beams(
-                scan, self._twist(int(index), stamps, motions[min(index + 1, len(motions) - 1)])
-            )
+            drawn = beams[scan.topic].beams(scan, self._twist(int(index), stamps, motions[index + 1 : index + 2]))
             final.add_scan(pose.reshape(1, 3), drawn.start, drawn.ends, drawn.hit)
         return final.occupancy(0, p.occ_thresh, self._setup.map_frame)
 
@@ -297,7 +290,7 @@ class GmappingMapper:
         if steps and p.minimumScore >= most:
             self._setup.log.warn(
                 f"minimumScore={p.minimumScore:g} cannot be reached: a score is at most the number of matched beams, here {most}; "
-                f"every scan match was thrown away and the map rests on odometry alone. Set minimumScore below {most} (0 to 50 is usual)"
+                f"every scan match was thrown away and the map rests on the motion between scans alone. Set minimumScore below {most} (0 to 50 is usual)"
             )
         elif fallbacks > 0.2 * sum(len(step.poses) for step in steps):
             self._setup.log.warn(

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from slamcli.errors import CalibrationError
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
@@ -98,12 +100,13 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     score = None if reference is None else score_trajectory(result.trajectory, reference, log=log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
-            if result.grid is not None:
-                write_map(folder / "map.yaml", result.grid, mode=request.map_mode)
             write_tum(folder / "trajectory.tum", result.trajectory)
             truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
-            picture = b"" if result.grid is None else map_png(result.grid, trajectory=result.trajectory, truth=truth)
-            (folder / "map.png").write_bytes(picture)
+            picture = b""
+            if result.grid is not None:
+                write_map(folder / "map.yaml", result.grid, mode=request.map_mode)
+                picture = map_png(result.grid, trajectory=result.trajectory, truth=truth)
+                (folder / "map.png").write_bytes(picture)
         outputs = sorted([*(path.name for path in folder.iterdir()), "report.html", "run.json"])
         run = run_document(
             command=request.command, algo=request.algo, parameters=as_dict(config.parameters), changed=_changed(config), seed=request.seed,
@@ -192,5 +195,5 @@ def _errors(score: TrajectoryScore | None) -> dict[str, Any] | None:
     return {
         "stamp_ns": score.aligned.stamps_ns[score.ape.indices],
         "translation_m": score.ape.errors,
-        "rotation_rad": score.ape_rot.errors * 3.141592653589793 / 180.0,
+        "rotation_rad": np.radians(score.ape_rot.errors),
     }
