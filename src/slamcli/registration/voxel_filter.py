@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import DataError
 from slamcli.registration import _voxel_kernels as kernels
 
-Points = NDArray[np.float32] | NDArray[np.float64]
+Points = NDArray[Any]
 
 
 def voxel_filter(points: Points, size: float) -> NDArray[np.int64]:
