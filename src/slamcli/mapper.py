@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import Measurement
+from slamcli.measurements import Measurement, PointCloud
+from slamcli.posegraph import LoopSearch, MapState
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
@@ -28,6 +29,14 @@ class MappingResult:
     """Per-step statistics: columns of equal length, with ``stamp_ns`` among them."""
     summary: Mapping[str, Any] = field(default_factory=dict)
     """Figures for ``run.json``: counts and what was found."""
+    keyframes: Trajectory | None = None
+    """Poses of the nodes of the graph, where there is one."""
+    state: MapState | None = None
+    """Submaps, nodes and constraints, from which mapping can go on; graph-based tiers have one."""
+    loop_searches: tuple[LoopSearch, ...] = ()
+    """Searches for loop closures that found a candidate, accepted or not, in the order in which they were made."""
+    cloud: PointCloud | None = None
+    """The mapped points in the map frame (3D)."""
 
 
 class Mapper(Protocol):
@@ -45,11 +54,15 @@ class Setup:
     """What a mapper is built with besides its parameters."""
 
     T_base_laser: Mapping[str, NDArray[np.float64]]
-    """Mount of each laser by topic: float64 (4, 4)."""
+    """Mount of each range sensor (laser, point cloud) by topic: float64 (4, 4)."""
+    T_base_sensor: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """Mount of each other sensor (IMU, fixed-frame pose, landmark detector) by topic: float64 (4, 4)."""
     map_frame: str = "map"
     base_frame: str = "base_link"
     seed: int = 0
     jobs: int = 1
+    state: MapState | None = None
+    """Where mapping goes on from (``--load-state``); None for a new map."""
     no_return: str = "ignore"
     """What an inf or maximum-range beam means: ignore, free (clears up to the usable range) or max (an end point)."""
     log: RunLog = field(default_factory=RunLog)

@@ -19,6 +19,7 @@ ROOMS = (
     "navigation.navfn",
     "navigation.path_shape",
     "registration.tile_matching",
+    "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
 )
