@@ -16,13 +16,15 @@ MARK = 32768
 
 
 @njit(cache=True, nogil=True)
-def add_scan(cells, origin_x, origin_y, inverse, start, points, misses, pose, hit_table, miss_table, free_space, changed):
+def add_scan(
+    cells, origin_x, origin_y, inverse, start, points, misses, pose, hit_table, miss_table, free_space, changed
+):
     """Update `cells` (H, W) by one scan: `points` are hits, beams to `misses` only clear; all seen from `pose`.
 
     `changed` is int64 scratch for flat indices; returns how many of it are used, or -1 if it was too small or a beam
     leaves the grid (then nothing was changed that is not undone).
     """
-    rows, columns = cells.shape
+    columns = cells.shape[1]
     c, s = math.cos(pose[2]), math.sin(pose[2])
     sx = (pose[0] + c * start[0] - s * start[1] - origin_x) * inverse
     sy = (pose[1] + s * start[0] + c * start[1] - origin_y) * inverse

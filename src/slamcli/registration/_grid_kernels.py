@@ -33,10 +33,34 @@ def interpolate(cells, table, u, v):
     t, w = u - j, v - i
     if i < -2 or j < -2 or i > cells.shape[0] + 1 or j > cells.shape[1] + 1:
         return table[0], 0.0, 0.0
-    f0, d0 = _cubic(_cost(cells, table, i - 1, j - 1), _cost(cells, table, i - 1, j), _cost(cells, table, i - 1, j + 1), _cost(cells, table, i - 1, j + 2), t)
-    f1, d1 = _cubic(_cost(cells, table, i, j - 1), _cost(cells, table, i, j), _cost(cells, table, i, j + 1), _cost(cells, table, i, j + 2), t)
-    f2, d2 = _cubic(_cost(cells, table, i + 1, j - 1), _cost(cells, table, i + 1, j), _cost(cells, table, i + 1, j + 1), _cost(cells, table, i + 1, j + 2), t)
-    f3, d3 = _cubic(_cost(cells, table, i + 2, j - 1), _cost(cells, table, i + 2, j), _cost(cells, table, i + 2, j + 1), _cost(cells, table, i + 2, j + 2), t)
+    f0, d0 = _cubic(
+        _cost(cells, table, i - 1, j - 1),
+        _cost(cells, table, i - 1, j),
+        _cost(cells, table, i - 1, j + 1),
+        _cost(cells, table, i - 1, j + 2),
+        t,
+    )
+    f1, d1 = _cubic(
+        _cost(cells, table, i, j - 1),
+        _cost(cells, table, i, j),
+        _cost(cells, table, i, j + 1),
+        _cost(cells, table, i, j + 2),
+        t,
+    )
+    f2, d2 = _cubic(
+        _cost(cells, table, i + 1, j - 1),
+        _cost(cells, table, i + 1, j),
+        _cost(cells, table, i + 1, j + 1),
+        _cost(cells, table, i + 1, j + 2),
+        t,
+    )
+    f3, d3 = _cubic(
+        _cost(cells, table, i + 2, j - 1),
+        _cost(cells, table, i + 2, j),
+        _cost(cells, table, i + 2, j + 1),
+        _cost(cells, table, i + 2, j + 2),
+        t,
+    )
     value, dv = _cubic(f0, f1, f2, f3, w)
     du, _ = _cubic(d0, d1, d2, d3, w)
     return value, du, dv
@@ -96,7 +120,7 @@ def match(cells, table, ox, oy, inverse, points, start, prior, occupied, transla
     h, g = np.empty((3, 3)), np.empty(3)
     wt, wr = translation * translation, rotation * rotation
     grid_cost = _linearise(cells, table, ox, oy, inverse, points, pose, weight, h, g)
-    dx, dy, da = pose[0] - prior[0], pose[1] - prior[1], math.remainder(pose[2] - prior[2], 2.0 * math.pi)
+    dx, dy, da = pose[0] - prior[0], pose[1] - prior[1], pose[2] - prior[2]
     cost = grid_cost + 0.5 * (wt * (dx * dx + dy * dy) + wr * da * da)
     radius = 1e4
     damped, hessian, gradient = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
@@ -117,7 +141,7 @@ def match(cells, table, ox, oy, inverse, points, start, prior, occupied, transla
             trial[0], trial[1], trial[2] = pose[0] + sx, pose[1] + sy, pose[2] + sa
             small = sx * sx + sy * sy < 1e-10 and sa * sa < 1e-10
             new_grid = _linearise(cells, table, ox, oy, inverse, points, trial, weight, hessian, gradient)
-            ex, ey, ea = trial[0] - prior[0], trial[1] - prior[1], math.remainder(trial[2] - prior[2], 2.0 * math.pi)
+            ex, ey, ea = trial[0] - prior[0], trial[1] - prior[1], trial[2] - prior[2]
             new_cost = new_grid + 0.5 * (wt * (ex * ex + ey * ey) + wr * ea * ea)
             if new_cost <= cost:
                 accepted = True
@@ -151,7 +175,21 @@ def score(cells, probability, ox, oy, inverse, points, x, y, yaw):
 
 
 @njit(cache=True, nogil=True)
-def best_in_window(cells, probability, ox, oy, inverse, points, prior, linear_cells, step, turns, delta_step, translation_weight, rotation_weight):
+def best_in_window(
+    cells,
+    probability,
+    ox,
+    oy,
+    inverse,
+    points,
+    prior,
+    linear_cells,
+    step,
+    turns,
+    delta_step,
+    translation_weight,
+    rotation_weight,
+):
     """Exhaustive search (real-time correlative matcher): the pose of the best mean probability with a penalty for its distance."""
     best, bx, by, ba = -1.0, prior[0], prior[1], prior[2]
     n = points.shape[0]
