@@ -56,7 +56,9 @@ def read_messages(path: str | os.PathLike[str]) -> Iterator[tuple[int, bytes]]:
                 data = _unpack(_frame(stream, size, path), at, path)
                 left -= len(data)
                 if left < 0:
-                    raise FormatError(f"{path}: unpacks to over {_FREE_BYTES + _MOST_FOLD * size} bytes; the file is broken")
+                    raise FormatError(
+                        f"{path}: unpacks to over {_FREE_BYTES + _MOST_FOLD * size} bytes; the file is broken"
+                    )
                 yield at, data
     except OSError as error:
         raise FormatError(f"{path}: {error.strerror or error}") from error

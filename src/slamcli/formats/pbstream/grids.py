@@ -120,10 +120,10 @@ def read_hybrid_grid(grid: Any, what: str) -> HybridGrid:
     if len(indices) and np.abs(indices).max() > _MOST_INDEX:
         raise FormatError(f"{what}: a voxel at index {np.abs(indices).max()}")
     order = np.lexsort(axes[::-1])
-    indices = indices[order].astype(np.int32)
+    indices = indices[order]
     if len(indices) > 1 and (indices[1:] == indices[:-1]).all(axis=1).any():
         raise FormatError(f"{what}: a voxel is in it twice")
-    return HybridGrid(indices, values[order], resolution)
+    return HybridGrid(indices.astype(np.int32), values[order], resolution)
 
 
 def fill_hybrid_grid(message: Any, grid: HybridGrid) -> None:

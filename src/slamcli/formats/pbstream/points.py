@@ -76,7 +76,9 @@ def encode(points_m: NDArray[np.float32]) -> tuple[int, bytes]:
     # Divided in double precision: half a millimetre is less than what single precision keeps beyond 4 km.
     steps = points / np.float64(_STEP_M)
     if not (np.abs(steps) < _FARTHEST - 0.5).all():
-        raise DataError(f"a point of a cloud is not finite or farther away than {_FARTHEST / 1000:.0f} m: it cannot be saved")
+        raise DataError(
+            f"a point of a cloud is not finite or farther away than {_FARTHEST / 1000:.0f} m: it cannot be saved"
+        )
     whole = np.where(steps < 0, np.ceil(steps - 0.5), np.floor(steps + 0.5)).astype(np.int64)
     block, inner = whole >> _BITS, whole & _MASK
     codes = (((inner[:, 2] << _BITS) + inner[:, 1]) << _BITS) + inner[:, 0]

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ _TICK_NS = 100
 _MOST_TICKS = (2**63 - 1) // _TICK_NS
 _FARTHEST_M = 1e15
 _LENGTH_TOLERANCE = 1e-3
-_ROUNDS = 8
+_REACHES = (1, 2, 3)
+"""Last digits by which each number of a quaternion is tried around the computed one."""
+_CANDIDATES = 100_000
 
 
 def stamp_of(ticks: int, what: str) -> int:
@@ -64,9 +67,6 @@ def check_rotations(quats_xyzw: NDArray[np.float64], what: str) -> NDArray[np.fl
 def transforms_of(numbers: Sequence[tuple[float, ...]], what: str) -> NDArray[np.float64]:
     """Return transforms (N, 4, 4) of positions and quaternions, seven numbers each.
 
-    The rotation matrices are such that their quaternions give the same matrices again, to the last bit where rounding
-    allows it: reading what was written changes nothing.
-
     Raises
     ------
     FormatError
@@ -76,30 +76,44 @@ def transforms_of(numbers: Sequence[tuple[float, ...]], what: str) -> NDArray[np
     if not (np.abs(values[:, :3]) <= _FARTHEST_M).all():
         raise FormatError(f"{what}: a position is not finite or farther away than {_FARTHEST_M:g} m")
     rotations = quaternion.to_matrix(check_rotations(values[:, 3:], what))
-    for _ in range(_ROUNDS):
-        again = quaternion.to_matrix(quaternion.from_matrix(rotations))
-        if np.array_equal(again, rotations):
-            break
-        rotations = again
     return se3.from_rotation_translation(rotations, values[:, :3])
 
 
-def fill(rigid: Any, T: NDArray[np.float64], what: str) -> None:
-    """Write a transform (4, 4) into a Rigid3 message.
+def numbers_from(transforms: Iterable[NDArray[np.float64]], what: str) -> list[list[float]]:
+    """Return x, y, z, qx, qy, qz, qw of each transform (4, 4).
+
+    Quaternions are chosen, among those that differ from the computed ones in the last digits only, so that they give
+    the same rotation matrix again to the last bit: always for rotations about z, and for all but a few in a hundred
+    others (which are off by 2e-16 then). Writing and reading a state again changes nothing.
 
     Raises
     ------
     DataError
-        If it is not finite.
+        If a transform is not finite.
     """
+    T = np.array(list(transforms), np.float64).reshape(-1, 4, 4)
     if not np.isfinite(T).all():
-        raise DataError(f"{what}: a pose is not finite; the state cannot be saved")
-    position, quat = se3.to_position_quaternion(T)
-    fill_numbers(rigid, position, quat)
+        raise DataError(
+            f"{what} {int(np.argmin(np.isfinite(T).all(axis=(1, 2))))} has a pose that is not finite: the state cannot be saved"
+        )
+    return np.concatenate([T[:, :3, 3], _quaternions_from(T[:, :3, :3])], axis=1).tolist()
 
 
-def fill_numbers(rigid: Any, position_m: NDArray[np.float64], quat_xyzw: NDArray[np.float64]) -> None:
-    """Write a position (3,) and a quaternion (4,) into a Rigid3 message."""
+def _quaternions_from(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    quats = quaternion.from_matrix(rotations)
+    for reach in _REACHES:
+        left = np.flatnonzero((quaternion.to_matrix(quats) != rotations).any(axis=(1, 2)))
+        steps = np.array(list(itertools.product(range(-reach, reach + 1), repeat=4)), np.float64)
+        chunk = max(1, _CANDIDATES // len(steps))
+        for chosen in (left[i : i + chunk] for i in range(0, len(left), chunk)):
+            base = quats[chosen][:, None]
+            tried = base + np.spacing(np.abs(base)) * steps
+            errors = np.abs(quaternion.to_matrix(tried) - rotations[chosen][:, None]).sum(axis=(2, 3))
+            quats[chosen] = tried[np.arange(len(chosen)), errors.argmin(axis=1)]
+    return quats
+
+
+def fill(rigid: Any, numbers: Sequence[float]) -> None:
+    """Write x, y, z, qx, qy, qz, qw into a Rigid3 message."""
     t, r = rigid.translation, rigid.rotation
-    t.x, t.y, t.z = position_m.tolist()
-    r.x, r.y, r.z, r.w = quat_xyzw.tolist()
+    t.x, t.y, t.z, r.x, r.y, r.z, r.w = numbers

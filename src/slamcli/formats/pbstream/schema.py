@@ -63,6 +63,7 @@ Data: PoseGraph pose_graph=1, Options all_trajectory_builder_options=2, Submap s
 
 _PACKAGE = "slamcli.pbstream"
 _FIELD = descriptor_pb2.FieldDescriptorProto
+_SCALARS = frozenset(_FIELD.Type.keys())
 
 
 def _file() -> Any:
@@ -78,7 +79,7 @@ def _file() -> Any:
             if kind.endswith("*"):
                 entry.label = _FIELD.LABEL_REPEATED
             scalar = f"TYPE_{kind.rstrip('*').upper()}"
-            if scalar in _FIELD.Type.keys():
+            if scalar in _SCALARS:
                 entry.type = _FIELD.Type.Value(scalar)
             else:
                 entry.type, entry.type_name = _FIELD.TYPE_MESSAGE, f".{_PACKAGE}.{kind.rstrip('*')}"
