@@ -83,6 +83,8 @@ class SensorOffer:
     landmarks: bool = False
     named: frozenset[str] = frozenset()
     """Roles (see `Tier.roles`) whose topics the user named: they are used whatever a configuration says."""
+    mode: str | None = None
+    """The mode (see `Tier.modes`) that the user asks for."""
 
     @property
     def spatial(self) -> bool:
@@ -124,6 +126,8 @@ class Tier(Protocol):
     """Parameter dataclass; see `slamcli.parameters`."""
     roles: frozenset[str]
     """What it can use: of ``scans``, ``points``, ``odometry``, ``imu``, ``fixes`` and ``landmarks``."""
+    modes: tuple[str, ...]
+    """Ways in which it can run that the user can choose between (``--mode``)."""
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
         """Return which sensors to take of those that are offered; `given` are the parameters that the user set, by native name."""

@@ -71,6 +71,9 @@ if TYPE_CHECKING:
 @click.option(
     "--landmark-topic", metavar="TOPIC", help="Landmarks (cartographer_ros LandmarkList); `none` leaves them out."
 )
+@click.option(
+    "--mode", metavar="MODE", help="How the system runs, where it can run in several ways: 2d or 3d (cartographer)."
+)
 @click.option("--base-frame", help="Frame of the robot.")
 @click.option("--odom-frame", help="Frame of the odometry.")
 @click.option("--map-frame", help="Name of the map's frame.")

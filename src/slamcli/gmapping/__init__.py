@@ -17,6 +17,7 @@ class GmappingTier:
     name = "gmapping"
     parameters: type = GmappingParameters
     roles = frozenset({"scans", "odometry"})
+    modes: tuple[str, ...] = ()
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:  # noqa: ARG002
         """Return that one scanner is used, and the odometry where there is one."""

@@ -46,6 +46,8 @@ class MapRequest:
     """A topic or ``none``, as of the next two."""
     fix_topic: str | None = None
     landmark_topic: str | None = None
+    mode: str | None = None
+    """One of the tier's modes: ``2d`` or ``3d`` of cartographer."""
     base_frame: str | None = None
     odom_frame: str | None = None
     map_frame: str | None = None
@@ -93,7 +95,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             tier = find_tier(request.algo)
             feed = feed_sensors(
                 recording, tier, config.parameters, config.sources, _names(request, config), log,
-                start_s=request.start_s, duration_s=request.duration_s,
+                mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
             )  # fmt: skip
             mapper = tier.build(feed.plan.parameters, _setup(request, feed, log))
             with log.stage("read"):

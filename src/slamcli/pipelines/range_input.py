@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -153,6 +153,7 @@ def feed_sensors(
     names: TopicNames,
     log: RunLog,
     *,
+    mode: str | None = None,
     start_s: float | None = None,
     duration_s: float | None = None,
 ) -> SensorFeed:
@@ -164,6 +165,8 @@ def feed_sensors(
         Where each parameter that the user set stands, by native name.
     names
         Topics and frames that the user names.
+    mode
+        The tier's mode that the user asks for.
     start_s, duration_s
         The part of the recording to read, seconds.
 
@@ -172,9 +175,11 @@ def feed_sensors(
     RecordingError
         If a topic is missing, empty or of another type.
     UsageError
-        If the tier has no use for a named topic, or ``--laser-pose`` is to place several scanners.
+        If the tier has no such mode or no use for a named topic, or ``--laser-pose`` is to place several scanners.
     """
-    offer = offered_sensors(recording, names, tier.roles)
+    if mode is not None and mode not in tier.modes:
+        raise UsageError(f"--mode {mode}: {tier.name} has {' and '.join(tier.modes) or 'one mode only'}")
+    offer = replace(offered_sensors(recording, names, tier.roles), mode=mode)
     plan = tier.plan(parameters, given, offer, log)
     picks = pick_sensors(recording, names, plan, tier.roles)
     mounts = _mounts(recording, picks, plan)
