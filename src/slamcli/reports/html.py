@@ -127,11 +127,7 @@ def _map(image: bytes) -> str:
     if not image:
         return ""
     data = base64.b64encode(image).decode("ascii")
-    tools = "".join(
-        f'<button type="button" data-zoom="{zoom}" aria-label="{name}">{sign}</button>'
-        for zoom, name, sign in (("2", "zoom in", "+"), ("0.5", "zoom out", "−"), ("0", "whole map", "⤢"))
-    )
-    picture = f'<div class="map"><img src="data:image/png;base64,{data}" alt="map with trajectory"><div class="tools">{tools}</div></div>'
+    picture = page.zoomable(f'<img src="data:image/png;base64,{data}" alt="map with trajectory">')
     return page.figure(
         picture,
         caption="Black is wall, white is free, bluish grey was never seen. The trajectory runs from dark blue (disc) to orange (square).",
