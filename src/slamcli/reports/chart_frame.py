@@ -52,14 +52,17 @@ def data_range(arrays: Sequence[NDArray[np.float64]], pad: float) -> tuple[float
     return low - pad * (high - low), high + pad * (high - low)
 
 
-def axes(frame: Frame, x_label: str, y_label: str, *, equal: bool = False, log_y: bool = False) -> str:
+def axes(
+    frame: Frame, x_label: str, y_label: str, *, equal: bool = False, log_y: bool = False, whole_y: bool = False
+) -> str:
     """Return lines, ticks and labels of both axes.
 
-    `equal` gives both the same step and lines to both (a plane); with `log_y` the frame's y values are decimal logarithms.
+    `equal` gives both the same step and lines to both (a plane); with `log_y` the frame's y values are decimal logarithms;
+    `whole_y` has no ticks between whole numbers.
     """
     parts = []
     x_step = scales.tick_step(frame.x_high - frame.x_low, 8)
-    for v, label in _y_ticks(frame, x_step if equal else None, log_y=log_y):
+    for v, label in _log_ticks(frame) if log_y else _y_ticks(frame, x_step if equal else 0.0, least=float(whole_y)):
         y = float(frame.y(np.float64(v)))  # type: ignore[arg-type]
         parts.append(f'<path class="grid" d="M{frame.left} {y:.1f}H{frame.right}"/>')
         parts.append(f'<text class="tick" x="{frame.left - 6}" y="{y + 4:.1f}" text-anchor="end">{label}</text>')
@@ -82,14 +85,18 @@ def axes(frame: Frame, x_label: str, y_label: str, *, equal: bool = False, log_y
     return "".join(parts)
 
 
-def _y_ticks(frame: Frame, step: float | None, *, log_y: bool) -> list[tuple[float, str]]:
-    if log_y:
-        parts = (0.0,) if frame.y_high - frame.y_low > 2.5 else (0.0, math.log10(2.0), math.log10(5.0))
-        first, last = math.floor(frame.y_low), math.ceil(frame.y_high)
-        values = [decade + part for decade in range(first, last + 1) for part in parts]
-        return [(v, scales.number(float(f"{10**v:.1g}"))) for v in values if frame.y_low <= v <= frame.y_high]
+def _log_ticks(frame: Frame) -> list[tuple[float, str]]:
+    """Return decades, and 2 and 5 times them where there are few."""
+    parts = (0.0,) if frame.y_high - frame.y_low > 2.5 else (0.0, math.log10(2.0), math.log10(5.0))
+    first, last = math.floor(frame.y_low), math.ceil(frame.y_high)
+    values = [decade + part for decade in range(first, last + 1) for part in parts]
+    return [(v, scales.number(float(f"{10**v:.1g}"))) for v in values if frame.y_low <= v <= frame.y_high]
+
+
+def _y_ticks(frame: Frame, step: float, least: float) -> list[tuple[float, str]]:
+    """Return round numbers, `step` apart or, with 0, as far as fits and at least `least`."""
     count = max(2, (frame.bottom - frame.top) // 30)
-    every = scales.tick_step(frame.y_high - frame.y_low, count) if step is None else step
+    every = step or max(least, scales.tick_step(frame.y_high - frame.y_low, count))
     return [(v, scales.number(v)) for v in scales.multiples(frame.y_low, frame.y_high, every)]
 
 

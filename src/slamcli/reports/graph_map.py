@@ -22,7 +22,7 @@ WIDTH = 960
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 8, 36
 _MAX_PIXELS = 1200
 _MOST_LINES = 6000
-_MOST_LABELS = 150
+_LABEL_WIDTH, _LABEL_HEIGHT, _LABELS_AT_ONE = 40, 16, 4
 _FADE = 0.4
 
 RESIDUAL_CLASSES = (
@@ -109,13 +109,25 @@ def _outlines(graph: GraphArrays, place: _Place) -> _Layer:
         corners = place(graph.outlines_m[i])
         path = "L".join(f"{x:.1f} {y:.1f}" for x, y in corners)
         parts.append(f'<path class="outline" d="M{path}Z"><title>submap {escape(graph.submap_names[i])}</title></path>')
-    every = max(1, -(-len(known) // _MOST_LABELS))
-    for i in known[::every].tolist():
-        ((x, y),) = place(graph.centres_m[i : i + 1])
-        parts.append(
-            f'<text class="name" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="middle">{escape(graph.submap_names[i])}</text>'
-        )
+    parts += [
+        f'<text class="name" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="middle">{escape(words)}</text>'
+        for x, y, words in _labels(graph, place, known)
+    ]
     return _Layer(f"submaps ({len(graph.submap_names):,})", "".join(parts), key="outline")
+
+
+def _labels(graph: GraphArrays, place: _Place, known: NDArray[np.int64]) -> list[tuple[float, float, str]]:
+    """Return places and words of the submaps' labels; those that would lie over each other become one."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    at = place(graph.centres_m[known])
+    for i, (x, y) in zip(known.tolist(), at.tolist(), strict=True):
+        groups.setdefault((round(x / _LABEL_WIDTH), round(y / _LABEL_HEIGHT)), []).append(i)
+    found = []
+    for its in groups.values():
+        x, y = place(graph.centres_m[its[:1]])[0].tolist()
+        words = ", ".join(graph.submap_names[i] for i in its[:_LABELS_AT_ONE])
+        found.append((x, y, words + (" …" if len(its) > _LABELS_AT_ONE else "")))
+    return found
 
 
 def _trajectories(graph: GraphArrays, place: _Place) -> _Layer:
