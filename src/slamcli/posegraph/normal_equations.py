@@ -96,14 +96,20 @@ class NormalEquations:
         kernels.solve(self._starts, self._factor_rows, self._factor, self._inverses, solution)
         return solution
 
-    def inverse_block(self, place: int) -> Floats:
-        """Return the block (3, 3) on the diagonal of the inverse of what was factorised last."""
-        block = np.zeros((3, 3))
+    def inverse_columns(self, place: int) -> Floats:
+        """Return the blocks (F, 3, 3) of the inverse of what was factorised last, in the block column `place`."""
+        columns = np.zeros_like(self.diagonal)
         for axis in range(3):
             unit = np.zeros_like(self.gradient)
             unit[place, axis] = 1.0
-            block[:, axis] = self.solve(unit)[place]
-        return (block + block.T) / 2
+            columns[:, :, axis] = self.solve(unit)
+        return columns
+
+    def inverse_diagonal(self) -> Floats:
+        """Return the blocks (F, 3, 3) on the diagonal of the inverse of what was factorised last."""
+        selected, out = np.zeros_like(self._factor), np.zeros_like(self.diagonal)
+        kernels.invert_diagonal(self._starts, self._factor_rows, self._factor, self._inverses, selected, out)
+        return out
 
 
 def components(count: int, groups: Sequence[Integers]) -> Integers:
