@@ -26,6 +26,7 @@ ROOMS = (
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
+    "simulation.space",
 )
 
 
