@@ -126,16 +126,20 @@ def inertia_of(
 
 def joined(inertias: Sequence[Inertia]) -> Inertia:
     """Return the residuals of several IMUs (trajectories) as one; the settings are those of the first."""
-    counts = np.cumsum([0, *(len(i.gravity_m_s2) for i in inertias)])
-
-    def shifted(name: str) -> Integers:
-        return np.concatenate([getattr(i, name) + n for i, n in zip(inertias, counts[:-1], strict=True)])
-
-    names = ("gravity_m_s2", "extrinsics_xyzw", "acceleration_nodes", "delta_velocity", "seconds")
-    names += ("rotation_nodes", "delta_rotation_xyzw")
-    together = {name: np.concatenate([getattr(i, name) for i in inertias]) for name in names}
-    imus = {name: shifted(name) for name in ("acceleration_imu", "rotation_imu")}
-    return replace(inertias[0], **together, **imus)
+    offsets = np.cumsum([0, *(len(i.gravity_m_s2) for i in inertias)])[:-1]
+    shifted = [(i.acceleration_imu + n, i.rotation_imu + n) for i, n in zip(inertias, offsets, strict=True)]
+    return replace(
+        inertias[0],
+        gravity_m_s2=np.concatenate([i.gravity_m_s2 for i in inertias]),
+        extrinsics_xyzw=np.concatenate([i.extrinsics_xyzw for i in inertias]),
+        acceleration_nodes=np.concatenate([i.acceleration_nodes for i in inertias]),
+        acceleration_imu=np.concatenate([imus for imus, _ in shifted]),
+        delta_velocity=np.concatenate([i.delta_velocity for i in inertias]),
+        seconds=np.concatenate([i.seconds for i in inertias]),
+        rotation_nodes=np.concatenate([i.rotation_nodes for i in inertias]),
+        rotation_imu=np.concatenate([imus for _, imus in shifted]),
+        delta_rotation_xyzw=np.concatenate([i.delta_rotation_xyzw for i in inertias]),
+    )
 
 
 def check_inertia(inertia: Inertia, poses: int) -> None:

@@ -19,7 +19,7 @@ from slamcli.posegraph.normal_equations import components
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-YAW_AND_PLACE = [0, 1, 2, 5]  # what a graph without gravity's direction, or with it, cannot know
+YAW_AND_PLACE = np.array([0, 1, 2, 5])  # what a graph without gravity's direction, or with it, cannot know
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,8 +157,9 @@ def _held(fixed: NDArray[np.bool_], count: int, terms: Sequence[Terms], inertia:
         level[parts[inertia.acceleration_nodes.ravel()]] = True
     firsts = np.full(size, count, np.int64)
     np.minimum.at(firsts, parts, np.arange(count))
-    held[np.ix_(firsts[~anchored], YAW_AND_PLACE)] = True
-    held[np.ix_(firsts[~anchored & ~level], [3, 4])] = True
+    held[firsts[~anchored][:, None], YAW_AND_PLACE] = True
+    tilted = firsts[~anchored & ~level]
+    held[tilted[:, None], np.array([3, 4])] = True
     if inertia is not None:
         held[count:, 1:3] = True
         held[count:, 0] = not inertia.estimate_gravity
