@@ -11,7 +11,7 @@ import pytest
 from slamcli.errors import EstimationError
 from slamcli.posegraph import planar
 from slamcli.posegraph.losses import Loss
-from slamcli.posegraph.planar import optimise_planar, relative_covariances
+from slamcli.posegraph.planar import optimise_planar
 
 pytestmark = pytest.mark.kernels
 NONE = Loss()
@@ -66,7 +66,7 @@ def test_jacobians_are_the_differences_of_the_residuals(ratio):
     poses = rng.normal(size=(6, 3))
     between = {} if ratio is None else {"until": np.array([1, 2, 5, 0]), "ratio": np.full(4, ratio)}
     edges = worlds.edges([0, 1, 2, 3], [3, 4, 5, 1], rng.normal(size=(4, 3)), **between)
-    term = planar._terms(edges, NONE)
+    term = planar.terms_of(edges, NONE)
     dense = np.zeros((4, 3, 6, 3))
     for n, row in enumerate(term.variables):
         for k, variable in enumerate(row):
@@ -165,31 +165,6 @@ def test_graduated_losses_tell_outliers_from_inliers(kind):
     sound = worlds.edges(first[kept], second[kept], measured[kept], translation=50.0, rotation=100.0)
     best = optimise_planar(truth, fixed_first(len(start)), sound, loss=NONE, max_iterations=50, tolerance=1e-12)
     np.testing.assert_allclose(solution.poses[:, :2], best.poses[:, :2], atol=0.03)
-
-
-def test_relative_covariances_are_blocks_of_the_inverse():
-    _, start, first, second, measured = worlds.ring(nodes=12, loops=4)
-    edges = worlds.edges(first, second, measured)
-    term = planar._terms(edges, NONE)
-    jacobian = np.zeros((len(edges), 3, 12, 3))
-    for n, row in enumerate(term.variables):
-        for k in (0, 2):
-            jacobian[n, :, row[k]] += term.jacobians(start)[n, :, 3 * k : 3 * k + 3]
-    free = [i for i in range(12) if i != 4]
-    flat = jacobian[:, :, free].reshape(-1, 33)
-    dense = np.linalg.inv(flat.T @ flat)
-    c, s = np.cos(start[4, 2]), np.sin(start[4, 2])
-    axes = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    found = relative_covariances(start, edges, 4, np.array([0, 4, 11]))
-    np.testing.assert_allclose(found[0], axes @ dense[:3, :3] @ axes.T, rtol=1e-9)
-    np.testing.assert_array_equal(found[1], 0)
-    np.testing.assert_allclose(found[2], axes @ dense[-3:, -3:] @ axes.T, rtol=1e-9)
-
-
-def test_what_no_edge_connects_has_an_infinite_covariance():
-    edges = worlds.edges([0], [1], [[1.0, 0, 0]])
-    found = relative_covariances(np.zeros((3, 3)), edges, 0, np.array([2]))
-    assert np.all(np.isinf(np.diagonal(found[0])))
 
 
 def test_the_same_input_gives_the_same_bytes():

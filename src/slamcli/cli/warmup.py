@@ -19,11 +19,14 @@ ROOMS = (
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
-    "posegraph.planar",
+    "posegraph.imu_integration",
+    "posegraph.planar_covariances",
+    "posegraph.spatial",
     "registration.tile_matching",
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
+    "simulation.space",
 )
 
 

@@ -190,3 +190,48 @@ def solve(column_starts, factor_rows, factor, inverses, vector):
         vector[j, 0] = inverses[j, 0, 0] * b0 + inverses[j, 1, 0] * b1 + inverses[j, 2, 0] * b2
         vector[j, 1] = inverses[j, 1, 1] * b1 + inverses[j, 2, 1] * b2
         vector[j, 2] = inverses[j, 2, 2] * b2
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_product(out, left, right, transpose):
+    """Add left right, or left' right, to `out` (3, 3)."""
+    for r in range(3):
+        for c in range(3):
+            total = 0.0
+            for i in range(3):
+                total += (left[i, r] if transpose else left[r, i]) * right[i, c]
+            out[r, c] += total
+
+
+@njit(cache=True, nogil=True)
+def invert_diagonal(column_starts, factor_rows, factor, inverses, selected, out):
+    """Fill `out` (V, 3, 3) with the diagonal blocks of the inverse of L L' (Takahashi's equations, from the last up).
+
+    `selected` takes the inverse's blocks where the factor has some; Erisman and Tinney, Communications of the ACM 1975.
+    """
+    size = len(inverses)
+    longest = 0
+    for j in range(size):
+        longest = max(longest, column_starts[j + 1] - column_starts[j])
+    scaled, sums = np.zeros((longest, 3, 3)), np.zeros((longest, 3, 3))
+    for j in range(size - 1, -1, -1):
+        begin, end = column_starts[j], column_starts[j + 1]
+        for p in range(begin, end):
+            scaled[p - begin] = 0.0
+            sums[p - begin] = 0.0
+            _add_product(scaled[p - begin], factor[p], inverses[j], False)
+        for p in range(begin, end):
+            a, row = p - begin, factor_rows[p]
+            _add_product(sums[a], out[row], scaled[a], False)
+            q, q_end = column_starts[row], column_starts[row + 1]
+            for other in range(p + 1, end):
+                wanted = factor_rows[other]
+                while q < q_end and factor_rows[q] < wanted:
+                    q += 1
+                _add_product(sums[other - begin], selected[q], scaled[a], False)
+                _add_product(sums[a], selected[q], scaled[other - begin], True)
+        out[j] = 0.0
+        _add_product(out[j], inverses[j], inverses[j], True)
+        for p in range(begin, end):
+            selected[p] = -sums[p - begin]
+            _add_product(out[j], scaled[p - begin], sums[p - begin], True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import EstimationError
 from slamcli.posegraph import _planar_kernels as kernels
-from slamcli.posegraph.levenberg_marquardt import Descent, Terms, minimise
+from slamcli.posegraph.levenberg_marquardt import Terms, minimise
 from slamcli.posegraph.losses import Loss
 from slamcli.posegraph.normal_equations import components
 
@@ -105,9 +105,9 @@ def optimise_planar(
     .. [2] W. Hess et al.: Real-Time Loop Closure in 2D LIDAR SLAM, ICRA 2016, doi:10.1109/ICRA.2016.7487258, equation 5.
     """
     groups = [(edges, loss), *more]
-    poses = _checked(poses, [group for group, _ in groups])
-    held = _held(np.asarray(fixed, np.bool_), [_rows(group) for group, _ in groups])
-    terms = [_terms(group, of) for group, of in groups]
+    poses = checked(poses, [group for group, _ in groups])
+    held = held_poses(np.asarray(fixed, np.bool_), [rows(group) for group, _ in groups])
+    terms = [terms_of(group, of) for group, of in groups]
     minimum = minimise(poses, terms, held, np.add, max_iterations, tolerance)
     result = minimum.state.copy()
     result[~held, 2] = np.remainder(result[~held, 2] + math.pi, 2 * math.pi) - math.pi
@@ -117,55 +117,14 @@ def optimise_planar(
     )  # fmt: skip
 
 
-def relative_covariances(
-    poses: Floats, edges: PlanarEdges, first: int, others: Integers, *, weights: Floats | None = None
-) -> Floats:
-    """Return the covariances float64 (K, 3, 3) of the poses `others` seen from pose `first`: x, y, yaw along its axes.
-
-    The graph is linearised at `poses`; `weights` (N,), as :class:`PlanarSolution` has them, say how much each edge counts.
-    With `first` held, the blocks of the inverse of the normal matrix are what is not known of the others. The unit is
-    that of the weights: 1 means one standard deviation only if the weights are inverse standard deviations. A pose that
-    no edges connect with `first` gets infinite variances.
-
-    Raises
-    ------
-    EstimationError
-        If the edges leave a pose undetermined that they connect with `first`.
-    """
-    poses = _checked(poses, [edges])
-    parts = components(len(poses), [_rows(edges)])
-    held = parts != parts[first]
-    held[first] = True
-    term = _terms(edges, Loss())
-    descent = Descent([term], held, np.add)
-    counts = np.ones(len(edges)) if weights is None else np.ascontiguousarray(weights, np.float64)
-    descent.linearise(poses, [term.residuals(poses)], [counts])
-    equations = descent.equations
-    if not equations.factorise(np.zeros((len(equations.variables), 3))):
-        raise EstimationError("the edges of the graph leave a pose undetermined: its normal matrix is singular")
-    result = np.zeros((len(others), 3, 3))
-    place = np.full(len(poses), -1)
-    place[equations.variables] = np.arange(len(equations.variables))
-    for k, other in enumerate(np.asarray(others).tolist()):
-        if parts[other] != parts[first]:
-            result[k] = np.diag([np.inf] * 3)
-        elif other != first:
-            result[k] = equations.inverse_block(int(place[other]))
-    c, s = math.cos(poses[first, 2]), math.sin(poses[first, 2])
-    axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    known = np.isfinite(result[:, 0, 0])
-    result[known] = axes @ result[known] @ axes.T
-    return result
-
-
-def _rows(edges: PlanarEdges) -> Integers:
-    """The variables of each edge, int64 (N, 3): from, until (-1 for none), seen."""
+def rows(edges: PlanarEdges) -> Integers:
+    """Return the variables of each edge, int64 (N, 3): from, until (-1 for none), seen."""
     until = np.full(len(edges), -1) if edges.until is None else edges.until
     return np.stack([edges.first, until, edges.second], axis=1).astype(np.int64)
 
 
-def _held(fixed: NDArray[np.bool_], rows: Sequence[Integers]) -> NDArray[np.bool_]:
-    """Hold the first pose of every component of the graph that has no fixed one."""
+def held_poses(fixed: NDArray[np.bool_], rows: Sequence[Integers]) -> NDArray[np.bool_]:
+    """Return which poses to hold: the fixed ones and the first pose of every component of the graph that has no fixed one."""
     parts = components(len(fixed), rows)
     count = int(parts.max(initial=-1)) + 1
     anchored = np.zeros(count, np.bool_)
@@ -177,8 +136,8 @@ def _held(fixed: NDArray[np.bool_], rows: Sequence[Integers]) -> NDArray[np.bool
     return held
 
 
-def _checked(poses: Floats, groups: Sequence[PlanarEdges]) -> Floats:
-    """The poses as a contiguous copy, if all input is usable."""
+def checked(poses: Floats, groups: Sequence[PlanarEdges]) -> Floats:
+    """Return the poses as a contiguous copy, if all input is usable."""
     poses = np.array(poses, np.float64, order="C")
     if not np.all(np.isfinite(poses)):
         bad = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
@@ -215,10 +174,10 @@ def _whitening(edges: PlanarEdges) -> Floats:
     return np.ascontiguousarray(roots @ matrices)
 
 
-def _terms(edges: PlanarEdges, loss: Loss) -> Terms:
-    """The edges as residuals of the descent."""
-    rows = _rows(edges)
-    observed = np.where(rows < 0, rows[:, :1], rows)
+def terms_of(edges: PlanarEdges, loss: Loss) -> Terms:
+    """Return the edges as residuals of the descent."""
+    variables = rows(edges)
+    observed = np.where(variables < 0, variables[:, :1], variables)
     measured = np.ascontiguousarray(edges.measured, np.float64).reshape(-1, 3)
     ratio = np.zeros(len(edges)) if edges.ratio is None else np.ascontiguousarray(edges.ratio, np.float64)
     whitening = _whitening(edges)
@@ -234,14 +193,4 @@ def _terms(edges: PlanarEdges, loss: Loss) -> Terms:
         return out
 
     robust = np.ascontiguousarray(edges.robust, np.bool_)
-    return Terms(variables=rows, residuals=residuals, jacobians=jacobians, loss=loss, robust=robust)
-
-
-def warm() -> None:
-    """Compile the kernels of this module with a graph of two poses."""
-    one = np.ones(1)
-    edges = PlanarEdges(
-        first=np.array([0]), second=np.array([1]), measured=np.ones((1, 3)), translation_weight=one, rotation_weight=one,
-        robust=np.zeros(1, np.bool_),
-    )  # fmt: skip
-    optimise_planar(np.zeros((2, 3)), np.zeros(2, np.bool_), edges, loss=Loss(), max_iterations=2)
+    return Terms(variables=variables, residuals=residuals, jacobians=jacobians, loss=loss, robust=robust)
