@@ -19,6 +19,7 @@ ROOMS = (
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "posegraph.planar_covariances",
     "registration.tile_matching",
     "registration.voxel_filter",
     "simulation.drive",
