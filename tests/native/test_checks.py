@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from slamcli.cartographer import CartographerParameters
 from slamcli.native.checks.files import check_file
 from slamcli.native.ros_parameters.declare import row
+from slamcli.parameters import declarations
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 GMAPPING = (
@@ -24,9 +26,11 @@ GMAPPING = (
     row("xmax", 100.0, ""),
 )
 
+TABLES = {"gmapping": GMAPPING, "cartographer": declarations(CartographerParameters)}
+
 
 def findings(path: Path, beams: int | None = None) -> list[tuple[str, int, str]]:
-    return [(f.severity, f.line, f.message) for f in check_file(path, GMAPPING, beams)]
+    return [(f.severity, f.line, f.message) for f in check_file(path, TABLES, beams)]
 
 
 def node(tmp_path: Path, body: str, kind: str = 'pkg="gmapping" type="slam_gmapping"') -> Path:

@@ -10,17 +10,18 @@ from typing import Any
 
 from slamcli.errors import ConfigError
 from slamcli.mapper import find_tier
-from slamcli.native import Setting, merge, read_launch, read_ros_yaml
+from slamcli.native import Setting, merge
 from slamcli.native.checks import Finding
 from slamcli.native.checks.files import check_file
-from slamcli.native.settings import read_text
-from slamcli.parameters import Declaration, convert, declarations, resolve, unknown_name
+from slamcli.native.settings import find_native, read_text
+from slamcli.parameters import Declaration, as_dict, convert, declarations, resolve, unknown_name
+from slamcli.pipelines.native_files import read_native
 from slamcli.runtime import RunLog
 
 FROM_COMMAND_LINE = "--set"
 
-# Nodes of a launch file that a tier stands for, by their type.
-_NODES = {"gmapping": ("slam_gmapping",)}
+# What a tier calls its frames; the first name that it declares counts.
+_FRAMES = {"base": ("tracking_frame", "base_frame"), "odometry": ("odom_frame",), "map": ("map_frame",)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +42,29 @@ class NativeConfig:
         return self.remaps.get("scan")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NativeFrames:
+    """Frames as the tier's parameters name them; None where neither a file nor ``--set`` names one."""
+
+    base: str | None
+    """Frame whose poses are estimated."""
+    odometry: str | None
+    map: str
+    """Frame of the map, the default where none is named."""
+
+
+def frames(config: NativeConfig) -> NativeFrames:
+    """Return the frames that native files and the command line name."""
+    values = as_dict(config.parameters)
+    names = {role: next((name for name in ways if name in values), "") for role, ways in _FRAMES.items()}
+    given = {role: values[name] for role, name in names.items() if name in config.sources}
+    return NativeFrames(
+        base=given.get("base") or None,
+        odometry=given.get("odometry") or None,
+        map=values.get(names["map"]) or "map",
+    )
+
+
 def load_native(
     algo: str,
     files: Sequence[Path] = (),
@@ -55,7 +79,8 @@ def load_native(
     algo
         Name of the tier.
     files
-        Native files of the system: for gmapping launch files (``.launch``, ``.xml``) and ROS parameter YAML.
+        Native files of the system: launch files (``.launch``, ``.xml``) of each; ROS parameter YAML for gmapping; Lua
+        for cartographer. A bare name that is not here means slamcli's own file of that name.
     sets
         ``KEY=VALUE`` with native keys.
     log
@@ -77,13 +102,14 @@ def load_native(
     settings: list[Setting] = []
     remaps: dict[str, str] = {}
     for file in files:
-        found, topics = _read(algo, Path(file), log, arguments or {})
-        settings.extend(found)
-        remaps.update(topics)
+        found = read_native(algo, find_native(Path(file)), log, arguments or {}, known)
+        settings.extend(found.settings)
+        remaps.update(found.remaps)
     settings.extend(parse_set(text) for text in sets)
     merged = merge(settings)
     for setting in merged.values():
-        _check(setting, known, log)
+        _check(setting, known)
+    _tell_what_has_no_effect(merged.values(), known, log)
     parameters: Any = resolve(tier.parameters, {name: setting.value for name, setting in merged.items()})
     sources = {name: setting.source for name, setting in merged.items()}
     return NativeConfig(algo=algo, parameters=parameters, sources=sources, remaps=remaps)
@@ -97,45 +123,11 @@ def check(files: Iterable[Path], beams: int | None = None) -> tuple[Finding, ...
     ConfigError
         If a file does not exist or is not text.
     """
-    table = declarations(find_tier("gmapping").parameters)
-    files = [Path(file) for file in files]
+    tables = {algo: declarations(find_tier(algo).parameters) for algo in ("gmapping", "cartographer")}
+    files = [find_native(Path(file)) for file in files]
     for file in files:
         read_text(file)  # what cannot be read at all is wrong usage, not a finding
-    return tuple(finding for file in files for finding in check_file(file, table, beams))
-
-
-def _read(
-    algo: str, path: Path, log: RunLog, arguments: Mapping[str, str]
-) -> tuple[tuple[Setting, ...], Mapping[str, str]]:
-    suffix = path.suffix.lower()
-    if suffix in (".launch", ".xml"):
-        return _read_launch(algo, path, log, arguments)
-    if suffix in (".yaml", ".yml"):
-        return tuple(_own(setting, algo) for setting in read_ros_yaml(path)), {}
-    raise ConfigError(f"{path}: {algo} reads launch files (.launch, .xml) and parameter files (.yaml)")
-
-
-def _read_launch(
-    algo: str, path: Path, log: RunLog, arguments: Mapping[str, str]
-) -> tuple[tuple[Setting, ...], Mapping[str, str]]:
-    launch = read_launch(path, arguments)
-    for note in launch.notes:
-        log.note(note)
-    nodes = [node for node in launch.nodes if node.type in _NODES.get(algo, (algo,))]
-    if not nodes:
-        there = ", ".join(f"{node.package}/{node.type}" for node in launch.nodes) or "none"
-        raise ConfigError(f"{path}: starts no node of {algo} (nodes: {there})")
-    if len(nodes) > 1:
-        log.warn(f"{path}: starts {len(nodes)} nodes of {algo}: {nodes[0].name} at line {nodes[0].line} is taken")
-    return tuple(nodes[0].params.values()), {name.strip("/"): topic for name, topic in nodes[0].remaps.items()}
-
-
-def _own(setting: Setting, algo: str) -> Setting:
-    """Strip the node's name that a YAML file may put before its parameters."""
-    parts = setting.name.split("/")
-    while len(parts) > 1 and parts[0] in (*_NODES.get(algo, ()), algo, "ros__parameters"):
-        parts = parts[1:]
-    return Setting("/".join(parts), setting.value, setting.file, setting.line)
+    return tuple(finding for file in files for finding in check_file(file, tables, beams))
 
 
 def parse_set(text: str) -> Setting:
@@ -146,13 +138,25 @@ def parse_set(text: str) -> Setting:
     return Setting(name.strip(), value.strip(), FROM_COMMAND_LINE, 0)
 
 
-def _check(setting: Setting, known: Mapping[str, Declaration], log: RunLog) -> None:
+def _check(setting: Setting, known: Mapping[str, Declaration]) -> None:
     if setting.name not in known:
         raise ConfigError(unknown_name(setting.name, known, setting.source))
-    entry = known[setting.name]
     try:
-        convert(entry, setting.value)
+        convert(known[setting.name], setting.value)
     except ConfigError as error:
         raise ConfigError(f"{setting.source}: {error}") from error
-    if not entry.effective:
-        log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")
+
+
+def _tell_what_has_no_effect(settings: Iterable[Setting], known: Mapping[str, Declaration], log: RunLog) -> None:
+    """Note what was given in vain; Lua files set everything, so of theirs only what differs from the default."""
+    brief: dict[str, list[str]] = {}
+    for setting in settings:
+        entry = known[setting.name]
+        if entry.effective:
+            continue
+        if Path(setting.file).suffix != ".lua":
+            log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")
+        elif convert(entry, setting.value) != entry.default:
+            brief.setdefault(setting.file, []).append(setting.name)
+    for file, names in brief.items():
+        log.note(f"{file}: no effect here: {', '.join(names)} (`slamcli config show` says why)")

@@ -15,7 +15,7 @@ from slamcli.formats.map_modes import Mode
 from slamcli.mapper import MappingResult, Setup, find_tier
 from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations
-from slamcli.pipelines.config import NativeConfig, load_native
+from slamcli.pipelines.config import NativeConfig, frames, load_native
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
 from slamcli.pipelines.planar_input import PlanarFeed, feed_planar
@@ -115,13 +115,12 @@ def default_output(inputs: Sequence[Path]) -> Path:
 
 def _picks(request: MapRequest, config: NativeConfig) -> dict[str, Any]:
     """Return topics and frames: flags before native files before what fits the recording."""
-    given = config.sources
-    parameters = as_dict(config.parameters)
+    named = frames(config)
     return {
         "scan_topic": request.scan_topic or config.scan_topic,
         "odom_topic": request.odom_topic,
-        "base_frame": request.base_frame or (parameters["base_frame"] if "base_frame" in given else None),
-        "odom_frame": request.odom_frame or (parameters["odom_frame"] if "odom_frame" in given else None),
+        "base_frame": request.base_frame or named.base,
+        "odom_frame": request.odom_frame or named.odometry,
         "start_s": request.start_s,
         "duration_s": request.duration_s,
     }
@@ -143,7 +142,7 @@ def _check_frame(name: str | None, recording: Recording) -> None:
 def _setup(request: MapRequest, config: NativeConfig, feed: PlanarFeed, log: RunLog) -> Setup:
     return Setup(
         T_base_laser={feed.scan_topic: feed.T_base_laser},
-        map_frame=request.map_frame or as_dict(config.parameters)["map_frame"],
+        map_frame=request.map_frame or frames(config).map,
         base_frame=feed.frames["base"],
         seed=request.seed,
         jobs=request.jobs,
