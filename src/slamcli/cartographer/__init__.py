@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
+from slamcli.cartographer.inputs import MODES, ROLES, plan_inputs
 from slamcli.cartographer.parameters import CartographerParameters
-from slamcli.mapper import Mapper, Setup
+from slamcli.mapper import InputPlan, Mapper, SensorOffer, Setup
+from slamcli.runtime import RunLog
 
 
 class CartographerTier:
@@ -14,6 +17,12 @@ class CartographerTier:
 
     name = "cartographer"
     parameters: type = CartographerParameters
+    roles = ROLES
+    modes = MODES
+
+    def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
+        """Return which sensors to take of those that are offered."""
+        return plan_inputs(parameters, given, offer, log)
 
     def build(self, parameters: Any, setup: Setup) -> Mapper:
         """Return a mapper."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +21,22 @@ from slamcli.runtime import RunLog
 
 FROM_COMMAND_LINE = "--set"
 
-# What a tier calls its frames; the first name that it declares counts.
-_FRAMES = {"base": ("tracking_frame", "base_frame"), "odometry": ("odom_frame",), "map": ("map_frame",)}
+# What nodes call the topics of a role; of several the names end in _1, _2 ...
+_TOPICS = {
+    "scans": ("scan", "echoes"),
+    "points": ("points2",),
+    "odometry": ("odom",),
+    "imu": ("imu",),
+    "fixes": ("fix",),
+    "landmarks": ("landmark",),
+}
+# What switches a role off: naming its topic in a launch file does not switch it on.
+_SWITCHES = {
+    "odometry": "use_odometry",
+    "imu": "TRAJECTORY_BUILDER_2D.use_imu_data",
+    "fixes": "use_nav_sat",
+    "landmarks": "use_landmarks",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,33 +51,16 @@ class NativeConfig:
     remaps: Mapping[str, str]
     """Topics as the files remap them: ``{"scan": "/base_scan"}``."""
 
-    @property
-    def scan_topic(self) -> str | None:
-        """The topic that the files name for the scans; None if they name none."""
-        return self.remaps.get("scan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NativeFrames:
-    """Frames as the tier's parameters name them; None where neither a file nor ``--set`` names one."""
-
-    base: str | None
-    """Frame whose poses are estimated."""
-    odometry: str | None
-    map: str
-    """Frame of the map, the default where none is named."""
-
-
-def frames(config: NativeConfig) -> NativeFrames:
-    """Return the frames that native files and the command line name."""
-    values = as_dict(config.parameters)
-    names = {role: next((name for name in ways if name in values), "") for role, ways in _FRAMES.items()}
-    given = {role: values[name] for role, name in names.items() if name in config.sources}
-    return NativeFrames(
-        base=given.get("base") or None,
-        odometry=given.get("odometry") or None,
-        map=values.get(names["map"]) or "map",
-    )
+    def topics(self, role: str) -> tuple[str, ...]:
+        """Return the topics that the files name for a role (see `slamcli.mapper.Tier.roles`) that is in use."""
+        if as_dict(self.parameters).get(_SWITCHES.get(role, "")) is False:
+            return ()
+        return tuple(
+            topic
+            for name in _TOPICS[role]
+            for remapped, topic in sorted(self.remaps.items(), key=lambda item: (len(item[0]), item[0]))
+            if remapped == name or re.fullmatch(rf"{name}_[0-9]+", remapped)
+        )
 
 
 def load_native(

@@ -15,13 +15,14 @@ from slamcli.formats.map_modes import Mode
 from slamcli.mapper import MappingResult, Setup, find_tier
 from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations
-from slamcli.pipelines.config import NativeConfig, frames, load_native
+from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
-from slamcli.pipelines.planar_input import PlanarFeed, feed_planar
+from slamcli.pipelines.range_input import SensorFeed, feed_sensors
 from slamcli.pipelines.run_record import describe_inputs, run_document
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.recordings import Mends, Recording, open_recording
+from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.runtime import RunLog
 
 
@@ -37,8 +38,16 @@ class MapRequest:
     sets: Sequence[str] = ()
     """``KEY=VALUE`` with native keys."""
     launch_arguments: Mapping[str, str] = field(default_factory=dict)
-    scan_topic: str | None = None
+    scan_topics: Sequence[str] = ()
+    points_topics: Sequence[str] = ()
     odom_topic: str | None = None
+    """A topic, ``tf`` or ``none``."""
+    imu_topic: str | None = None
+    """A topic or ``none``, as of the next two."""
+    fix_topic: str | None = None
+    landmark_topic: str | None = None
+    mode: str | None = None
+    """One of the tier's modes: ``2d`` or ``3d`` of cartographer."""
     base_frame: str | None = None
     odom_frame: str | None = None
     map_frame: str | None = None
@@ -83,8 +92,12 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         )
         with open_recording(request.inputs, mends=request.mends, log=log) as recording:
             _check_frame(request.base_frame, recording)
-            feed = feed_planar(recording, _picks(request, config), log)
-            mapper = find_tier(request.algo).build(config.parameters, _setup(request, config, feed, log))
+            tier = find_tier(request.algo)
+            feed = feed_sensors(
+                recording, tier, config.parameters, config.sources, _names(request, config, recording), log,
+                mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
+            )  # fmt: skip
+            mapper = tier.build(feed.plan.parameters, _setup(request, feed, log))
             with log.stage("read"):
                 for measurement in feed.measurements():
                     mapper.process(measurement)
@@ -96,7 +109,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         with log.stage("write"):
             written = write_result(folder, result, score=score, map_mode=request.map_mode, log=log)
         run = run_document(
-            command=request.command, algo=request.algo, parameters=as_dict(config.parameters), changed=_changed(config), seed=request.seed,
+            command=request.command, algo=request.algo, parameters=as_dict(feed.plan.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=feed.topics, frames=feed.frames, log=log, total_s=time.perf_counter() - began,
             duration_s=duration_s, summary=summarise(result, score), outputs=(*written.names, *RECORDS),
         )  # fmt: skip
@@ -113,17 +126,26 @@ def default_output(inputs: Sequence[Path]) -> Path:
     return first.parent / f"{name}-maps"
 
 
-def _picks(request: MapRequest, config: NativeConfig) -> dict[str, Any]:
-    """Return topics and frames: flags before native files before what fits the recording."""
-    named = frames(config)
-    return {
-        "scan_topic": request.scan_topic or config.scan_topic,
-        "odom_topic": request.odom_topic,
-        "base_frame": request.base_frame or named.base,
-        "odom_frame": request.odom_frame or named.odometry,
-        "start_s": request.start_s,
-        "duration_s": request.duration_s,
-    }
+def _names(request: MapRequest, config: NativeConfig, recording: Recording) -> TopicNames:
+    """Return the topics and frames that are named: by flags, else by native files.
+
+    A scanner's topic that a launch file names must be there; other sensors' topics are taken if the recording has them.
+    """
+    recorded = {topic.name.lstrip("/") for topic in recording.contents.topics}
+
+    def remapped(role: str) -> str | None:
+        return next((name for name in config.topics(role) if name.lstrip("/") in recorded), None)
+
+    return TopicNames(
+        scans=tuple(request.scan_topics) or config.topics("scans"),
+        points=tuple(request.points_topics) or config.topics("points"),
+        odometry=request.odom_topic or remapped("odometry"),
+        imu=request.imu_topic or remapped("imu"),
+        fixes=request.fix_topic or remapped("fixes"),
+        landmarks=request.landmark_topic or remapped("landmarks"),
+        base_frame=request.base_frame,
+        odom_frame=request.odom_frame,
+    )
 
 
 def _check_frame(name: str | None, recording: Recording) -> None:
@@ -139,11 +161,12 @@ def _check_frame(name: str | None, recording: Recording) -> None:
         raise CalibrationError(f"--base-frame {name}: {recording.name} has no such frame; it has {', '.join(known)}")
 
 
-def _setup(request: MapRequest, config: NativeConfig, feed: PlanarFeed, log: RunLog) -> Setup:
+def _setup(request: MapRequest, feed: SensorFeed, log: RunLog) -> Setup:
     return Setup(
-        T_base_laser={feed.scan_topic: feed.T_base_laser},
-        map_frame=request.map_frame or frames(config).map,
-        base_frame=feed.frames["base"],
+        T_base_laser=feed.T_base_laser,
+        T_base_sensor=feed.T_base_sensor,
+        map_frame=request.map_frame or feed.plan.map_frame,
+        base_frame=feed.base_frame,
         seed=request.seed,
         jobs=request.jobs,
         no_return=request.mends.no_return,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
@@ -41,10 +42,14 @@ class Written:
 def write_result(
     folder: Path, result: MappingResult, *, score: TrajectoryScore | None, map_mode: Mode, log: RunLog
 ) -> Written:
-    """Write what the result has into `folder`: map, trajectory, keyframes; what it has not leaves no file."""
+    """Write what the result has into `folder`; what it has not leaves no file."""
     write_tum(folder / "trajectory.tum", result.trajectory)
     if result.keyframes is not None:
         write_tum(folder / "keyframes.tum", result.keyframes)
+    if result.state is not None:
+        write_constraints(folder / "constraints.csv", result.state)
+    if result.loop_searches:
+        write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
     truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
     picture = b""
     if result.grid is not None:

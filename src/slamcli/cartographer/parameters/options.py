@@ -39,7 +39,7 @@ class NodeOptions:
         False, f"flatten the broadcast pose; {_LIVE}, in 2D flat as they are", effective=False
     )
     use_odometry: bool = _optional("use odometry; auto: where the recording has it")
-    use_nav_sat: bool = _optional("use GPS fixes as fixed-frame poses; auto: not used")
+    use_nav_sat: bool = _optional("use GPS fixes as fixed-frame poses; auto: where the recording has them")
     use_landmarks: bool = _optional("use landmarks; auto: where the recording has them")
     num_laser_scans: int = _optional("topics of 2D scans (scan, or scan_1, scan_2 ...); auto: as recorded", int)
     num_multi_echo_laser_scans: int = _optional("topics of multi-echo scans (echoes ...); auto: as recorded", int)
