@@ -48,7 +48,9 @@ def render(file: str) -> str:
         assignment = f"{indent}{key} = {_lua(NATIVE.get(entry.name, entry.default), entry)},"
         unit = f" [{entry.unit}]" if entry.unit else ""
         comment = f"  -- {entry.help}{unit}" if entry.effective and entry.name not in NATIVE else ""
-        lines += [assignment + comment] if len(assignment + comment) <= WIDTH else [indent + comment.strip(), assignment]
+        lines += (
+            [assignment + comment] if len(assignment + comment) <= WIDTH else [indent + comment.strip(), assignment]
+        )
         opened = tables
     lines += [*_moved(opened, []), "}"]
     return "\n".join(lines) + "\n"
