@@ -24,6 +24,7 @@ ROOMS = (
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
+    "simulation.space",
 )
 
 

@@ -30,7 +30,7 @@ code,pre{font:13px/1.5 ui-monospace,monospace}pre{background:var(--card);padding
 @media(max-width:600px){body{padding:.8rem}.tick{font-size:15px}.label{font-size:16px}}
 @media print{body{max-width:none;padding:0;font-size:11px}.tools,.js .tools{display:none}figure,.cards,tr{break-inside:avoid}h2,h3{break-after:avoid}.map{border:0}
 :root{--page:#fff;--ink:#000;--soft:#444;--line:#bbb;--card:#fff;--warn:#000;--warnbg:#fff;--c0:#0072b2;--c1:#d55e00;--c2:#009e73;--c3:#cc79a7;--c4:#e69f00;--c5:#56b4e9}}
-.dots{fill:none;stroke-width:3.4;stroke-linecap:round}.dots.faint{stroke:var(--line);stroke-width:2}.limit{stroke:var(--ink);stroke-dasharray:5 4;fill:none}.bar0{fill:var(--c0)}.bar1{fill:var(--c1)}
+.dots{fill:none;stroke-width:3.4;stroke-linecap:round}.faint{stroke:var(--soft);stroke-opacity:.45}.dots.faint{stroke-width:2}.limit{stroke:var(--ink);stroke-dasharray:5 4;fill:none}.bar0{fill:var(--c0)}.bar1{fill:var(--c1)}
 .m0{fill:var(--card)}.m1{fill:#56b4e9}.m2{fill:#0072b2}.m3{fill:#e69f00}.m4{fill:#d55e00}.open{fill:none;stroke:var(--soft);stroke-width:1}.mt{font-size:9px;fill:#fff}
 .layered .map{--soft:#5b6470;--line:#d9dee5;--ink:#1d2129}.layered .pane{width:auto}.graph{max-height:92vh}.switches{display:flex;flex-wrap:wrap;gap:.15rem 1rem;margin:.3rem 0 .5rem;font-size:.87rem}
 .switches label{display:inline-flex;align-items:center;gap:.3rem;cursor:pointer}.switches input{margin:0}svg.key{width:22px;height:10px;background:#fff;border-radius:2px}

@@ -18,6 +18,7 @@ from slamcli.recordings.adapters.messages import MessageFactory
 _DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _TIME_FIELDS = ("t", "time", "timestamp", "offset_time", "time_stamp", "time_offset")
 _INTENSITY_FIELDS = ("intensity", "intensities", "i", "reflectivity")
+_RING_FIELDS = ("ring", "channel", "line", "laser_id")
 
 
 def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[PointCloud]:
@@ -29,6 +30,8 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[PointC
     valid = np.isfinite(points).all(axis=1)
     times = next((columns[name] for name in _TIME_FIELDS if name in columns), None)
     intensities = next((columns[name] for name in _INTENSITY_FIELDS if name in columns), None)
+    rings = next((columns[name] for name in _RING_FIELDS if name in columns and columns[name].dtype.kind in "iu"), None)
+    organised = int(message.height) > 1
     recorded_ns = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
     if times is not None:
         valid &= np.isfinite(times)
@@ -38,6 +41,9 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[PointC
         points_m=points[valid],
         offset_ns=None if times is None else offsets_ns(times[valid], recorded_ns),
         intensities=None if intensities is None else intensities[valid].astype(np.float32),
+        rings=None if rings is None else rings[valid].astype(np.uint16),
+        shape=(int(message.height), int(message.width)) if organised else None,
+        cells=np.flatnonzero(valid) if organised else None,
         topic=context.topic,
     )
     return (cloud,)
@@ -113,39 +119,52 @@ def _unit_ns(times: NDArray[Any], largest: float) -> float:
 
 
 def _encode(cloud: PointCloud, messages: MessageFactory) -> Any:
-    names = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+    columns: dict[str, NDArray[Any]] = {name: cloud.points_m[:, axis] for axis, name in enumerate("xyz")}
     if cloud.intensities is not None:
-        names.append(("intensity", "<f4"))
-    timed = cloud.offset_ns is not None and len(cloud.points_m) > 0
-    # Offsets before the stamp do not fit an unsigned "t": then they are float64 seconds, as "time".
-    unsigned = timed and cloud.offset_ns is not None and cloud.offset_ns.min() >= 0 and cloud.offset_ns.max() >= 2e5
-    if timed:
-        names.append(("t", "<u4") if unsigned else ("time", "<f8"))
-    table = np.zeros(len(cloud.points_m), dtype=names)
-    for axis, name in enumerate("xyz"):
-        table[name] = cloud.points_m[:, axis]
-    if cloud.intensities is not None:
-        table["intensity"] = cloud.intensities
-    if timed and cloud.offset_ns is not None:
-        table[names[-1][0]] = cloud.offset_ns if unsigned else cloud.offset_ns / 1e9
-    datatypes = {"<f4": 7, "<u4": 6, "<f8": 8}
-    offsets = np.cumsum([0] + [np.dtype(kind).itemsize for _, kind in names])
+        columns["intensity"] = cloud.intensities
+    if cloud.rings is not None:
+        columns["ring"] = cloud.rings
+    if cloud.offset_ns is not None and len(cloud.points_m) > 0:
+        # Offsets before the stamp do not fit an unsigned "t": then they are float64 seconds, as "time".
+        unsigned = cloud.offset_ns.min() >= 0 and 2e5 <= cloud.offset_ns.max() < 1 << 32
+        columns["t" if unsigned else "time"] = cloud.offset_ns.astype(np.uint32) if unsigned else cloud.offset_ns / 1e9
+    order = sorted(columns, key=lambda name: name == "ring")  # its two bytes last: the others keep to multiples of four
+    kinds = {
+        name: "<u2" if name == "ring" else "<u4" if name == "t" else "<f8" if name == "time" else "<f4"
+        for name in order
+    }
+    table = _laid_out(cloud, [(name, kinds[name]) for name in order])
+    for name in order:
+        table[name][slice(None) if cloud.cells is None else cloud.cells] = columns[name]
+    datatypes = {"<u2": 4, "<u4": 6, "<f4": 7, "<f8": 8}
+    offsets = np.cumsum([0] + [np.dtype(kinds[name]).itemsize for name in order])
     fields = [
-        messages.make("sensor_msgs/msg/PointField", name, int(offset), datatypes[kind], 1)
-        for (name, kind), offset in zip(names, offsets, strict=False)
+        messages.make("sensor_msgs/msg/PointField", name, int(offset), datatypes[kinds[name]], 1)
+        for name, offset in zip(order, offsets, strict=False)
     ]
+    height, width = cloud.shape or (1, len(table))
     return messages.make(
         "sensor_msgs/msg/PointCloud2",
         messages.header(cloud.stamp_ns, cloud.frame_id),
-        1,
-        len(table),
+        height,
+        width,
         fields,
         False,
         table.dtype.itemsize,
-        table.nbytes,
+        table.dtype.itemsize * width,
         table.view(np.uint8).reshape(-1),
-        True,
+        cloud.shape is None,
     )
+
+
+def _laid_out(cloud: PointCloud, layout: list[tuple[str, str]]) -> NDArray[Any]:
+    """Return a table (N,) for the points, or (height * width,) full of NaN for an organised cloud."""
+    if cloud.shape is None:
+        return np.zeros(len(cloud.points_m), dtype=layout)
+    table = np.zeros(cloud.shape[0] * cloud.shape[1], dtype=layout)
+    for name in "xyz":
+        table[name] = np.nan
+    return table
 
 
 ADAPTER = Adapter(msgtypes=("sensor_msgs/msg/PointCloud2",), produces=PointCloud, decode=_decode, encode=_encode)
