@@ -39,7 +39,7 @@ def merge_states(states: Sequence[MapState]) -> MapState:
     )
 
 
-def frozen(state: MapState) -> MapState:
+def freeze(state: MapState) -> MapState:
     """Return the state with all its trajectories frozen: the optimisation must not move them."""
     return replace(state, frozen=frozenset(state.trajectories))
 

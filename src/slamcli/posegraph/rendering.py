@@ -59,7 +59,10 @@ def _from_distances(grid: TsdfGrid) -> ProbabilityGrid:
 
 
 def state_trajectory(
-    state: MapState, trajectories: Collection[int] | None = None, frame_id: str = "map", child_frame_id: str = "base_link"
+    state: MapState,
+    trajectories: Collection[int] | None = None,
+    frame_id: str = "map",
+    child_frame_id: str = "base_link",
 ) -> Trajectory:
     """Return the optimised poses of the nodes, trajectory after trajectory, each in the order of its nodes.
 
