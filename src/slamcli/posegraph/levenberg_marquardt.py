@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 START = 1e-4  # damping in the beginning, as a share of the diagonal
 LARGEST = 1e16  # damping at which no step leads down any more
+SMALLEST_STEP = 1e-10  # m or rad: nothing moves any more
 SURROGATE_ITERATIONS = 4  # in each round of the graduated losses but the last
 
 
@@ -97,7 +98,7 @@ class Descent:
                 self.linearise(state, residuals, self.weights(squares))
                 fresh = True
             step, predicted = self._step(damping)
-            if predicted == 0.0:
+            if predicted == 0.0 or (predicted > 0 and np.abs(step).max(initial=0.0) <= SMALLEST_STEP):
                 return state, iteration, True
             candidate = self.retract(state, step) if predicted > 0 else state
             new_residuals = self.residuals(candidate)
@@ -144,7 +145,7 @@ def minimise(
     Parameters
     ----------
     state : of any shape; only `terms` and `retract` look into it.
-    held : bool (V,), variables that do not move.
+    held : bool (V,), variables that do not move, or (V, 3), which of their numbers.
     retract : moves a state by a step float64 (V, 3).
     tolerance : relative decrease of the cost at which it has converged.
 

@@ -24,12 +24,13 @@ class NormalEquations:
 
     Parameters
     ----------
-    held : bool (V,), variables that do not move.
+    held : bool (V,), variables that do not move, or (V, 3), which of their numbers.
     groups : int64 (N, K) each: the variables of the residuals of a group, -1 where a residual has none.
     """
 
     def __init__(self, held: NDArray[np.bool_], groups: Sequence[Integers]) -> None:
-        free = np.flatnonzero(~held)
+        parts = np.broadcast_to(held if held.ndim == 2 else held[:, None], (len(held), 3))
+        free = np.flatnonzero(~parts.all(axis=1))
         place = np.full(len(held) + 1, -1, np.int64)  # the last serves variable -1
         place[free] = np.arange(len(free))
         order = _elimination_order(len(free), [place[group] for group in groups])
@@ -39,9 +40,12 @@ class NormalEquations:
         self._groups = [np.ascontiguousarray(place[group]) for group in groups]
         self._set_pattern(len(free))
         self._slots = [self._slots_of(group) for group in self._groups]
+        self._held_parts = np.nonzero(parts[self.variables])
+        self._held_columns = [_held_columns(group, parts) for group in groups]
         self.gradient = np.zeros((len(free), 3))
         self.diagonal = np.zeros((len(free), 3, 3))
         self._blocks = np.zeros((len(self._rows), 3, 3))
+        self.clear()
 
     def _set_pattern(self, size: int) -> None:
         """Set the pattern of the matrix above its diagonal and of its factor."""
@@ -69,13 +73,21 @@ class NormalEquations:
         return len(self._factor_rows)
 
     def clear(self) -> None:
-        """Set the sums to zero."""
+        """Set the sums to zero, and to one where a number of a variable is held."""
         self.gradient[:] = 0.0
         self.diagonal[:] = 0.0
+        variables, axes = self._held_parts
+        self.diagonal[variables, axes, axes] = 1.0
         self._blocks[:] = 0.0
 
     def add(self, group: int, jacobians: Floats, residuals: Floats, weights: Floats) -> None:
-        """Add the residuals (N, M) of a group with their Jacobians (N, M, 3 K) and weights (N,) to the sums."""
+        """Add the residuals (N, M) of a group with their Jacobians (N, M, 3 K) and weights (N,) to the sums.
+
+        Columns of `jacobians` that belong to held numbers are set to zero.
+        """
+        residual, column = self._held_columns[group]
+        if len(residual):
+            jacobians[residual, :, column] = 0.0
         slots, variables = self._slots[group], self._groups[group]
         kernels.accumulate(jacobians, residuals, weights, variables, slots, self._blocks, self.diagonal, self.gradient)
 
@@ -110,6 +122,14 @@ class NormalEquations:
         selected, out = np.zeros_like(self._factor), np.zeros_like(self.diagonal)
         kernels.invert_diagonal(self._starts, self._factor_rows, self._factor, self._inverses, selected, out)
         return out
+
+
+def _held_columns(group: Integers, parts: NDArray[np.bool_]) -> tuple[Integers, Integers]:
+    """Residuals and columns of their Jacobians that belong to single held numbers of variables that move otherwise."""
+    partly = parts & ~parts.all(axis=1, keepdims=True)
+    wanted = partly[group] & (group >= 0)[:, :, None]
+    residual, column = np.nonzero(wanted.reshape(len(group), 3 * group.shape[1]))
+    return residual.astype(np.int64), column.astype(np.int64)
 
 
 def components(count: int, groups: Sequence[Integers]) -> Integers:
