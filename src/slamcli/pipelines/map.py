@@ -94,7 +94,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             _check_frame(request.base_frame, recording)
             tier = find_tier(request.algo)
             feed = feed_sensors(
-                recording, tier, config.parameters, config.sources, _names(request, config), log,
+                recording, tier, config.parameters, config.sources, _names(request, config, recording), log,
                 mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
             )  # fmt: skip
             mapper = tier.build(feed.plan.parameters, _setup(request, feed, log))
@@ -126,16 +126,23 @@ def default_output(inputs: Sequence[Path]) -> Path:
     return first.parent / f"{name}-maps"
 
 
-def _names(request: MapRequest, config: NativeConfig) -> TopicNames:
-    """Return the topics and frames that the user names: flags before native files."""
-    scans = request.scan_topics or (() if config.scan_topic is None else (config.scan_topic,))
+def _names(request: MapRequest, config: NativeConfig, recording: Recording) -> TopicNames:
+    """Return the topics and frames that are named: by flags, else by native files.
+
+    A scanner's topic that a launch file names must be there; other sensors' topics are taken if the recording has them.
+    """
+    recorded = {topic.name.lstrip("/") for topic in recording.contents.topics}
+
+    def remapped(role: str) -> str | None:
+        return next((name for name in config.topics(role) if name.lstrip("/") in recorded), None)
+
     return TopicNames(
-        scans=tuple(scans),
-        points=tuple(request.points_topics),
-        odometry=request.odom_topic,
-        imu=request.imu_topic,
-        fixes=request.fix_topic,
-        landmarks=request.landmark_topic,
+        scans=tuple(request.scan_topics) or config.topics("scans"),
+        points=tuple(request.points_topics) or config.topics("points"),
+        odometry=request.odom_topic or remapped("odometry"),
+        imu=request.imu_topic or remapped("imu"),
+        fixes=request.fix_topic or remapped("fixes"),
+        landmarks=request.landmark_topic or remapped("landmarks"),
         base_frame=request.base_frame,
         odom_frame=request.odom_frame,
     )

@@ -10,7 +10,6 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.posegraph import Submap
 from slamcli.reports.figures import raster
 
@@ -55,6 +54,8 @@ def _plane(submap: Submap) -> NDArray[np.float64] | None:
     grid = submap.grid
     if grid is None:
         return None
+    from slamcli.grids.probability_grid import ProbabilityGrid  # loads kernels; where there is a grid they are loaded
+
     if isinstance(grid, ProbabilityGrid):
         known = grid.cells > 0
         occupied = (grid.probabilities().astype(np.float64) - 0.1) / 0.8
