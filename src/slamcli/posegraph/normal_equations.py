@@ -160,7 +160,9 @@ def _elimination_turns(size: int, groups: Sequence[Integers]) -> Integers:
     i, j = np.divmod(keys, size)
     degree = np.bincount(i, minlength=size) + np.bincount(j, minlength=size) + 1.0
     diagonal = np.arange(size)
-    entries = np.concatenate([-np.ones(2 * len(keys)), degree])  # diagonally dominant: no pivoting, order by degree only
+    entries = np.concatenate(
+        [-np.ones(2 * len(keys)), degree]
+    )  # diagonally dominant: no pivoting, order by degree only
     rows, columns = np.concatenate([i, j, diagonal]), np.concatenate([j, i, diagonal])
     matrix = coo_matrix((entries, (rows, columns)), shape=(size, size)).tocsc()
     factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
