@@ -39,12 +39,14 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("convert", "{input}", "{out}/copy.bag"),
         ("view", "{input}", "-o", "{out}/picture.png"),
         ("map", "{input}", "-o", "{out}/map", "--set", "particles=2"),
+        ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer"),
         ("evaluate", "{input}:/pose", "{input}:odom>base_link", "--json"),
     ],
     "log": [
         ("convert", "{input}", "{out}/log.mcap"),
         ("info", "{input}", "--json"),
         ("map", "{input}", "-o", "{out}/map", "--set", "particles=2"),
+        ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer"),
     ],
     "map": [
         ("map-tools", "info", "{input}", "--json"),

@@ -15,6 +15,7 @@ from slamcli.cli.options import json_option, verbosity_options
 # Modules under slamcli with a `warm()` that calls each of their kernels on tiny input.
 ROOMS = (
     "grids.distance",
+    "grids.probability_grid",
     "grids.submap_drawing",
     "navigation.grid_search",
     "navigation.navfn",
@@ -22,6 +23,8 @@ ROOMS = (
     "posegraph.imu_integration",
     "posegraph.planar_covariances",
     "posegraph.spatial",
+    "registration.branch_and_bound",
+    "registration.grid_matching",
     "registration.tile_matching",
     "registration.voxel_filter",
     "simulation.drive",
