@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -34,7 +35,7 @@ def crossed(start, end):
         if a != b:
             cuts += [(line - a) / (b - a) for line in range(math.ceil(min(a, b)), math.floor(max(a, b)) + 1)]
     cuts = sorted(t for t in cuts if 0.0 <= t <= 1.0)
-    middles = [0.5 * (a + b) for a, b in zip(cuts, cuts[1:], strict=False) if b - a > 1e-12]
+    middles = [0.5 * (a + b) for a, b in itertools.pairwise(cuts) if b - a > 1e-12]
     cells = {(math.floor(y0 + t * (y1 - y0)), math.floor(x0 + t * (x1 - x0))) for t in middles}
     return cells | {(math.floor(y0), math.floor(x0))}
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import naive_probability as naive
@@ -112,7 +113,7 @@ def test_beams_along_lines_and_through_corners_free_a_connected_way(end):
     steps = round(10 * (abs(end[0]) + abs(end[1]))) + 1
     assert steps - 1 <= len(rows) <= steps + 1
     order = np.argsort(np.hypot(rows - 50, columns - 50), kind="stable")
-    for a, b in zip(order, order[1:], strict=False):
+    for a, b in itertools.pairwise(order):
         assert max(abs(rows[a] - rows[b]), abs(columns[a] - columns[b])) == 1
     assert value_at(grid, end[0] + 1e-9, end[1] + 1e-9) == naive.updated(0, 0.55)
 
