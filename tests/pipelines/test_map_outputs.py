@@ -7,8 +7,8 @@ import json
 
 import numpy as np
 import pytest
-from slamcli.formats.clouds import read_cloud
 
+from slamcli.formats.clouds import read_cloud
 from slamcli.formats.g2o import read_g2o
 from slamcli.formats.trajectories import read_tum
 from slamcli.geometry import se3
