@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 import random
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -253,3 +255,42 @@ def test_mutated_configurations_are_evaluated_or_refused(tmp_path):
         refused += bool(told)
         assert "\n" not in told
     assert 50 < refused < 150
+
+
+FILL = """
+import sys
+from pathlib import Path
+from slamcli.errors import ConfigError
+from slamcli.native.lua import evaluate
+
+path = Path(sys.argv[1])
+path.with_name("inner.lua").write_text("Y = 'z'\\n" * 200)
+
+def fits(count, end):
+    path.write_text(
+        "local s = 'x' for i = 1, 12 do s = s .. s end local t = {} "
+        f"for i = 1, {count // 100} do t[i] = s .. i end for i = 1, {count % 100} do t['k' .. i] = 'a' .. i end {end}"
+    )
+    try:
+        evaluate(path)
+    except ConfigError as error:
+        return "32 MB" not in str(error)
+    return True
+
+told = 0
+for end in ("include 'inner.lua'", "return {a = 1, b = 'x' .. 2}", "error(5)", "include 'nowhere.lua'"):
+    low, high = 500_000, 1_000_000
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if fits(middle, end) else (low, middle)
+    told += sum(not fits(low + step, end) for step in range(-10, 11, 2))
+print(told)
+"""
+
+
+def test_memory_may_end_anywhere(tmp_path):
+    """Where Lua jumps out of a call to Python the process hangs or dies: so it must not call."""
+    command = [sys.executable, "-c", FILL, str(tmp_path / "x.lua")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 0, done.stderr
+    assert 4 <= int(done.stdout) <= 40
