@@ -65,6 +65,10 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("config", "check", "{input}", "--json"),
         ("config", "show", "--config", "{input}", "--json"),
     ],
+    "lua": [
+        ("config", "check", "{input}", "--json"),
+        ("config", "show", "--algo", "cartographer", "--config", "{input}", "--json"),
+    ],
     "parameters": [
         ("config", "check", "{input}", "--json"),
         ("config", "show", "--config", "{input}", "--json"),
@@ -238,6 +242,9 @@ def _configurations(folder: Path) -> list[Input]:
     for name in ("gmapping.launch", "move_base.launch"):
         (folder / name).write_text((CONFIGS / name).read_text())
         inputs.append(Input("launch", folder / name))
+    for name in ("backpack_2d.lua", "trajectory_builder_2d.lua", "taurob_tracker.lua"):
+        (folder / name).write_text((CONFIGS / name).read_text())
+        inputs.append(Input("lua", folder / name))
     (folder / "gmapping.yaml").write_text(
         "slam_gmapping:\n  particles: 30\n  lstep: 0.05\n  base_frame: base_link\n  maxUrange: 20.0\n"
     )
