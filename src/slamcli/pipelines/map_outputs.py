@@ -13,7 +13,7 @@ import numpy as np
 from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
-from slamcli.formats.pbstream import write_state
+from slamcli.formats.pbstream.writing import write_state
 from slamcli.formats.trajectories import write_tum
 from slamcli.mapper import MappingResult
 from slamcli.parameters import Declaration
