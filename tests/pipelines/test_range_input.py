@@ -256,6 +256,23 @@ def test_odometry_of_another_frame_is_moved_to_the_base(tmp_path: Path):
         np.testing.assert_allclose(last.position_m, expected[:3, 3], atol=1e-12)
 
 
+def test_odometry_from_tf_is_planar_for_a_plane_and_whole_in_space(tmp_path: Path):
+    moving = [
+        FrameTransform(
+            stamp_ns=START + i * 50 * MS, parent_frame_id="odom", child_frame_id="base_link",
+            position_m=np.array([0.1 * i, 0.0, 0.02 * i]), quat_xyzw=quaternion.from_roll_pitch_yaw(0.1, 0.0, 0.01 * i),
+        )
+        for i in range(20)
+    ]  # fmt: skip
+    path = record(tmp_path / "tf.mcap", points=ROBOT["points"], tf=moving)
+    for mode, height, roll in (("2d", 0.0, 0.0), ("3d", 0.38, 0.1)):
+        with open_recording(path) as recording:
+            told = [m for m in feed(recording, mode=mode).measurements() if isinstance(m, Odometry)]
+        assert len(told) == 20
+        np.testing.assert_allclose(told[-1].position_m, [1.9, 0.0, height], atol=1e-12)
+        assert quaternion.to_matrix(told[-1].quat_xyzw)[2, 2] == pytest.approx(math.cos(roll), abs=1e-12)
+
+
 def test_fixes_are_poses_in_a_plane_at_the_first_one(tmp_path: Path):
     listed = [
         fix(0, has_fix=False),

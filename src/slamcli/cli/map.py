@@ -40,7 +40,7 @@ _FILES = ("load_states", "load_frozen_states")
     "config_files",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Native file of the system (launch, YAML); later wins.",
+    help="Native file of the system (launch, YAML, Lua); later wins.",
 )
 @click.option(
     "--set",

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
+from slamcli.formats.g2o import graph_of_state, write_g2o
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.pbstream.writing import write_state
@@ -50,6 +51,7 @@ def write_result(
     if result.state is not None:
         write_constraints(folder / "constraints.csv", result.state)
         write_state(folder / "state.pbstream", result.state)
+        write_g2o(folder / "graph.g2o", graph_of_state(result.state))
     if result.loop_searches:
         write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
     truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]

@@ -101,7 +101,9 @@ class SensorFeed:
         odometry = self.picks.odometry
         if odometry.odometry == "tf":
             tf_sampler = FixedRatioSampler(self.plan.ratios.get("odometry", 1.0))
-            track = odometry_from_tf(self.recording, odometry, start_s=self.start_s, duration_s=self.duration_s)
+            track = odometry_from_tf(
+                self.recording, odometry, spatial=self.plan.spatial, start_s=self.start_s, duration_s=self.duration_s
+            )
             yield from (measurement for measurement in track if tf_sampler.pulse())
         child_to_base = moved_to(self.recording, odometry)
         fixed = FixedFrame(self.log)

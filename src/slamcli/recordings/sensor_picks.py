@@ -13,10 +13,20 @@ from slamcli.errors import RecordingError
 from slamcli.mapper import InputPlan, SensorOffer
 from slamcli.measurements import GeoFix, ImuSample, Landmarks, LaserScan, Odometry, PointCloud, StampedPose
 from slamcli.recordings.adapters import multi_echo_laser_scan
-from slamcli.recordings.odometry_pick import OdometryPick, pick_odometry, usable_odometry
+from slamcli.recordings.odometry_pick import OdometryPick, pick_odometry
 from slamcli.recordings.raw import Topic
 from slamcli.recordings.recording import Recording
-from slamcli.recordings.topic_ranks import CLOUDS, FIXES, IMUS, LANDMARKS, SCANS, Role, best_topics
+from slamcli.recordings.topic_ranks import (
+    CLOUDS,
+    FIXES,
+    IMUS,
+    LANDMARKS,
+    SCANS,
+    Role,
+    best_topics,
+    ranked,
+    usable_odometry,
+)
 
 NONE = "none"
 """What a user names as topic of a sensor that is not to be used."""
@@ -89,14 +99,14 @@ def offered_sensors(recording: Recording, names: TopicNames, roles: Collection[s
     if not scans and not clouds:
         raise RecordingError(f"{recording.name}: {_no_ranges(recording, roles)}")
     echoes = [topic for topic in scans if is_multi_echo(topic)]
-    tree = recording.frames()
-    moving = any(not edge.static for edge in tree.edges)
+    moving = any(not edge.static for edge in recording.frames().edges)
+    odometry = [topic for topic in recording.topics(Odometry) if topic.count != 0]
     return SensorOffer(
         num_laser_scans=len(scans) - len(echoes),
         num_multi_echo_laser_scans=len(echoes),
         num_point_clouds=len(clouds),
-        flat_clouds=not scans and _is_flat(recording, clouds[0]),
-        odometry=names.odometry != NONE and (names.odometry is not None or moving or bool(usable_odometry(recording))),
+        flat_clouds=not scans and _is_flat(recording, ranked(clouds, CLOUDS)[0]),
+        odometry=names.odometry != NONE and (names.odometry is not None or moving or bool(usable_odometry(odometry))),
         imu=_offers(recording, names.imu, ImuSample),
         fixes=_offers(recording, names.fixes, GeoFix),
         landmarks=_offers(recording, names.landmarks, Landmarks),
@@ -217,6 +227,13 @@ def _is_flat(recording: Recording, topic: Topic) -> bool:
     """Return whether the first cloud that has points lies in a plane of constant z of its own frame."""
     for cloud in islice(recording.measurements([topic]), 20):
         if len(cloud.points_m):
-            low, high = np.percentile(cloud.points_m[:, 2], [1, 99])
-            return bool(high - low < _FLAT_M)
+            return lies_flat(cloud)
     return False
+
+
+def lies_flat(cloud: PointCloud) -> bool:
+    """Return whether a cloud lies in a plane of constant z of its own frame, as that of a planar scanner does."""
+    if len(cloud.points_m) == 0:
+        return False
+    low, high = np.percentile(cloud.points_m[:, 2], [1, 99])
+    return bool(high - low < _FLAT_M)

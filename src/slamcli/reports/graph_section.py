@@ -120,12 +120,13 @@ def _closures(
         page.figure(worst, "Worst loop constraints", "By residual, 10 cm counting as much as 1°.") if worst else ""
     )
     if len(graph.submap_names) > 1:
-        pairs = int(np.count_nonzero(untied(graph))) // 2
+        open_pairs = untied(graph)
+        pairs = int(np.count_nonzero(open_pairs)) // 2
         told = (
             f"Number of loop constraints between submaps. {pairs:,} pairs of submaps were built within 5 m of each other, not one after the other, and "
             "are not tied by a loop constraint (squares): harmless with a wall between them, else where a double wall comes from."
         )
-        parts.append(page.figure(matrix_chart(graph), "Which submaps are tied", told))
+        parts.append(page.figure(matrix_chart(graph, open_pairs), "Which submaps are tied", told))
     return parts
 
 

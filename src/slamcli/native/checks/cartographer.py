@@ -130,7 +130,7 @@ def _builders(values: _Values, file: str) -> Iterator[Finding]:
 def _inputs(values: _Values, file: str) -> Iterator[Finding]:
     names = ("num_laser_scans", "num_multi_echo_laser_scans", "num_point_clouds")
     counts = [values.number(name) for name in names]
-    if not any(count > 0 for count in counts):
+    if not any(count > 0 or count < 0 for count in counts):
         yield Finding(ERROR, file, 0, f"Cartographer aborts: {', '.join(names)} are all 0")
     parts = values.number("num_subdivisions_per_laser_scan")
     builder = _3D if values.switch("MAP_BUILDER.use_trajectory_builder_3d") else _2D
@@ -230,7 +230,7 @@ def _grids(values: _Values, own: Mapping[str, Setting]) -> Iterator[Finding]:
     names = [f"{_2D}.submaps.grid_options_2d.grid_type", f"{_2D}.submaps.range_data_inserter.range_data_inserter_type"]
     grid, inserter = map(values.text, names)
     setting = own.get(names[1]) or own.get(names[0])
-    if setting is not None and inserter != f"{grid}_INSERTER_2D":
+    if setting is not None and grid in ("PROBABILITY_GRID", "TSDF") and inserter != f"{grid}_INSERTER_2D":
         yield at(setting, ERROR, f"Cartographer aborts: {inserter} does not go with grid_type {grid}")
 
 

@@ -15,6 +15,7 @@ from slamcli.reports.figures import raster
 
 _MOST = 48
 _PIXELS = 280
+_SHADES = 12
 _UNKNOWN = (208, 214, 222)
 
 
@@ -44,7 +45,8 @@ def submap_pixels(submap: Submap) -> NDArray[np.uint8] | None:
     pool = max(1, -(-max(occupied.shape) // _PIXELS))
     if pool > 1:
         occupied = _pooled(occupied, pool)
-    shade = np.round(255 - 231 * np.clip(np.nan_to_num(occupied), 0.0, 1.0))[..., None]
+    # Few shades make small files, and show as much.
+    shade = np.round(255 - 231 * np.round(np.clip(np.nan_to_num(occupied), 0.0, 1.0) * _SHADES) / _SHADES)[..., None]
     pixels = np.where(np.isnan(occupied)[..., None], np.array(_UNKNOWN), shade)
     return pixels[::-1].astype(np.uint8)
 
