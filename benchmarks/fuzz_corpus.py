@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from fuzz_states import write_states
 
 from slamcli.cli.main import COMMANDS as TABLE
 from slamcli.grids import OccupancyGrid
@@ -71,6 +72,13 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("evaluate", "{input}", "{input}", "--json"),
         ("view", "{input}", "-o", "{out}/picture.png"),
     ],
+    "state": [
+        ("info", "{input}", "--json"),
+        ("view", "{input}", "-o", "{out}/picture.png"),
+        ("convert", "{input}", "{out}/again.pbstream"),
+        ("evaluate", "{input}", "{dir}/truth.tum", "--json"),
+        ("map", "--algo", "cartographer", "--load-state", "{input}", "-o", "{out}/map"),
+    ],
     "relations": [("evaluate", "{dir}/truth.tum", "{input}", "--json")],
     "launch": [
         ("config", "check", "{input}", "--json"),
@@ -104,7 +112,15 @@ COMMANDS = {kind: [command for command in commands if _exists(command)] for kind
 def make_corpus(folder: Path, kinds: list[str]) -> list[Input]:
     """Write valid inputs and return them; the kinds take turns."""
     folder.mkdir(parents=True)
-    makers: list[Callable[[Path], list[Input]]] = [_bags, _logs, _maps, _trajectories, _relations, _configurations]
+    makers: list[Callable[[Path], list[Input]]] = [
+        _bags,
+        _logs,
+        _maps,
+        _trajectories,
+        _relations,
+        _states,
+        _configurations,
+    ]
     found = [entry for maker in makers for entry in maker(folder)]
     return [entry for entry in found if COMMANDS[entry.kind] and (not kinds or entry.kind in kinds)]
 
@@ -252,6 +268,10 @@ def _relations(folder: Path) -> list[Input]:
     truth.write_text("".join(f"{100 + k:.6f} {k} 0 0 0 0 0 1\n" for k in range(20)))
     (folder / "a.relations").write_text("".join(f"{100 + k}.0 {101 + k}.0 1.0 0 0 0 0 0\n" for k in range(19)))
     return [Input("relations", folder / "a.relations", (truth,))]
+
+
+def _states(folder: Path) -> list[Input]:
+    return [Input("state", path, (folder / "truth.tum",)) for path in write_states(folder)]
 
 
 def _configurations(folder: Path) -> list[Input]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from slamcli.errors import CalibrationError, UsageError
-from slamcli.formats.pbstream import write_state
+from slamcli.formats.pbstream.writing import write_state
 from slamcli.mapper import MappingResult, Setup, find_tier
 from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations

@@ -15,7 +15,7 @@ from slamcli.formats.constraint_tables import write_constraints, write_loop_sear
 from slamcli.formats.g2o import graph_of_state, write_g2o
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
-from slamcli.formats.pbstream import write_state
+from slamcli.formats.pbstream.writing import write_state
 from slamcli.formats.trajectories import write_tum
 from slamcli.mapper import MappingResult
 from slamcli.parameters import Declaration
