@@ -17,6 +17,7 @@ ROOMS = (
     "grids.distance",
     "grids.probability_grid",
     "grids.submap_drawing",
+    "grids.tsdf_grid",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
