@@ -15,7 +15,17 @@ from fuzz_states import write_states
 
 from slamcli.cli.main import COMMANDS as TABLE
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import FrameTransform, ImuSample, LaserScan, Odometry, PointCloud, StampedPose
+from slamcli.measurements import (
+    FrameTransform,
+    GeoFix,
+    ImuSample,
+    LandmarkObservation,
+    Landmarks,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    StampedPose,
+)
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 START_NS = 1_500_000_000_000_000_000
@@ -41,6 +51,7 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("view", "{input}", "-o", "{out}/picture.png"),
         ("map", "{input}", "-o", "{out}/map", "--set", "particles=2"),
         ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer"),
+        ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer", "--points-topic", "/points", "--mode", "3d"),
         ("evaluate", "{input}:/pose", "{input}:odom>base_link", "--json"),
     ],
     "log": [
@@ -171,7 +182,13 @@ def _record(recording: object) -> None:
             ),
         )
         write("/pose", StampedPose(stamp_ns=stamp, frame_id="map", position_m=position, quat_xyzw=identity))
-    write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=np.ones((20, 3), dtype=np.float32)))
+        points = np.arange(60, dtype=np.float32).reshape(20, 3) / 20 + 1
+        times = np.arange(20, dtype=np.int64) * 4_000_000
+        write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=points, offset_ns=times))
+        place = {"latitude_deg": 48.0 + 1e-6 * k, "longitude_deg": 11.0, "altitude_m": 500.0}
+        write("/fix", GeoFix(stamp_ns=stamp, frame_id="gps", **place))
+        seen = LandmarkObservation(id="a", position_m=position, quat_xyzw=identity)
+        write("/landmark", Landmarks(stamp_ns=stamp, frame_id="base_link", observations=(seen,)))
 
 
 def _scan(stamp_ns: int, beams: int, x_m: float) -> LaserScan:
