@@ -47,9 +47,9 @@ def draw_submaps(
     frame_id
         Name of the map's frame.
     occupied_probability, free_probability
-        A cell whose probability is over the first is occupied, under the second free, and unknown between. A hair over
-        even odds takes a tenth of the cells beside walls and at the far end of beams away, and one in a hundred of those
-        on walls.
+        A cell whose probability is over the first is occupied, under the second free, and unknown between. At 0.51 instead
+        of even odds 6 to 8 % of the occupied cells go, beside walls and at the ends of beams, and 1 % of those on walls
+        (mit-csail, intel).
     margin_cells
         Unknown cells around what is known.
 
