@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from slamcli.errors import ConfigError
-from slamcli.parameters import as_dict, declarations, parameter, resolve
+from slamcli.parameters import as_dict, declarations, group, parameter, resolve
 from slamcli.runtime import RunLog, peak_memory_bytes
 
 
@@ -19,6 +19,48 @@ class Sample:
     on: bool = parameter(False, "a switch")
     way: str = parameter("auto", "a choice", choices=("auto", "NUMBER"))
     reach: float = parameter(None, "from the data", kind=float)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solver:
+    steps: int = parameter(20, "steps", minimum=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matcher:
+    weight: float = parameter(1.0, "a weight", minimum=0.0)
+    solver: Solver = group(Solver())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tables:
+    options: Sample = group(Sample(lstep=0.5), name="")
+    first: Matcher = group(Matcher(), name="FIRST")
+    second: Matcher = group(Matcher(weight=4.0, solver=Solver(steps=7)), name="SECOND")
+    last: bool = parameter(True, "a switch")
+
+
+def test_groups_are_flattened_under_dotted_names():
+    table = {entry.name: entry for entry in declarations(Tables)}
+    assert list(table)[5:] == [
+        "FIRST.weight", "FIRST.solver.steps", "SECOND.weight", "SECOND.solver.steps", "last",
+    ]  # fmt: skip
+    assert table["lstep"].default == 0.5
+    assert table["SECOND.solver.steps"].default == 7
+    assert table["SECOND.solver.steps"].field == "second.solver.steps"
+    made = resolve(Tables, {"SECOND.solver.steps": "9", "str": 8}, {"FIRST.weight": 0.0})
+    assert made == Tables(
+        options=Sample(lstep=0.5, str_=8),
+        first=Matcher(weight=0.0),
+        second=Matcher(weight=4.0, solver=Solver(steps=9)),
+    )
+    assert as_dict(made)["SECOND.solver.steps"] == 9
+    assert list(as_dict(made)) == list(table)
+    assert resolve(Tables) == Tables()
+    with pytest.raises(ConfigError, match=r"did you mean SECOND\.solver\.steps"):
+        resolve(Tables, {"SECOND.solver.step": 9})
+    with pytest.raises(ConfigError, match="at least 1"):
+        resolve(Tables, {"SECOND.solver.steps": 0})
 
 
 def test_later_layers_win_and_names_are_native():

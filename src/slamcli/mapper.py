@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -68,12 +68,69 @@ class Setup:
     log: RunLog = field(default_factory=RunLog)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorOffer:
+    """What a recording holds for a tier to use; where the user named topics of a kind, only those."""
+
+    num_laser_scans: int
+    num_multi_echo_laser_scans: int = 0
+    num_point_clouds: int = 0
+    flat_clouds: bool = False
+    """Whether clouds are all there is, and those of a planar scanner."""
+    odometry: bool = False
+    imu: bool = False
+    fixes: bool = False
+    landmarks: bool = False
+    named: frozenset[str] = frozenset()
+    """Roles (see `Tier.roles`) whose topics the user named: they are used whatever a configuration says."""
+    mode: str | None = None
+    """The mode (see `Tier.modes`) that the user asks for."""
+
+    @property
+    def spatial(self) -> bool:
+        """Whether the range sensors are such that a map in three dimensions is to be expected: clouds of depth alone."""
+        return self.num_point_clouds > 0 and not (
+            self.flat_clouds or self.num_laser_scans or self.num_multi_echo_laser_scans
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputPlan:
+    """Which sensors a tier takes from a recording, and its parameters for them."""
+
+    parameters: Any
+    num_laser_scans: int = 1
+    num_multi_echo_laser_scans: int | None = None
+    """None: scanners of several echoes count as laser scans."""
+    num_point_clouds: int = 0
+    spatial: bool = False
+    """Whether the map has three dimensions: then a tilted scanner is no mistake."""
+    odometry: bool = True
+    imu: bool = False
+    fixes: bool = False
+    landmarks: bool = False
+    base_frame: str | None = None
+    """The frame that the configuration calls the robot's; None: found from the recording."""
+    odom_frame: str | None = None
+    """The frame that it calls the odometry's."""
+    map_frame: str = "map"
+    ratios: Mapping[str, float] = field(default_factory=dict)
+    """Which share of the messages is used, by role; scans and clouds together are ``ranges``."""
+
+
 class Tier(Protocol):
     """What an entry point of the group ``slamcli.mappers`` names."""
 
     name: str
     parameters: type
     """Parameter dataclass; see `slamcli.parameters`."""
+    roles: frozenset[str]
+    """What it can use: of ``scans``, ``points``, ``odometry``, ``imu``, ``fixes`` and ``landmarks``."""
+    modes: tuple[str, ...]
+    """Ways in which it can run that the user can choose between (``--mode``)."""
+
+    def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
+        """Return which sensors to take of those that are offered; `given` are the parameters that the user set, by native name."""
 
     def build(self, parameters: Any, setup: Setup) -> Mapper:
         """Return a mapper."""

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Parameters declared once: name, type, unit, range, default and help.
 
-A tier declares its parameters as a frozen dataclass whose fields are made by :func:`parameter`. Loading, checks,
-``config show``, ``config check`` and the documentation are derived from that declaration.
+A tier declares its parameters as a frozen dataclass whose fields are made by :func:`parameter`, or by :func:`group` for
+a nested dataclass. Loading, checks, ``config show``, ``config check`` and the documentation are derived from that
+declaration.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+import operator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from slamcli.errors import ConfigError
@@ -26,9 +28,9 @@ class Declaration:
     """One parameter as its users know it."""
 
     name: str
-    """Native name, e.g. ``lstep`` or ``Kp/MaxFeatures``."""
+    """Native name, e.g. ``lstep``, ``Kp/MaxFeatures`` or ``POSE_GRAPH.constraint_builder.min_score``."""
     field: str
-    """Name of the dataclass field that holds its value."""
+    """Name of the dataclass field that holds its value; of one in a group the way there: ``submaps.num_range_data``."""
     kind: type
     """bool, int, float or str."""
     default: Any
@@ -72,14 +74,36 @@ def parameter(
     return dataclasses.field(default=default, metadata={"parameter": metadata})
 
 
+def group(default: Any, *, name: str | None = None) -> Any:
+    """Declare a group of parameters: a field whose value is another parameter dataclass.
+
+    Parameters
+    ----------
+    default
+        Instance with the values that are the defaults here (a dataclass may stand in several places with others).
+    name
+        What comes before the native names of its parameters, joined by a dot; "" adds nothing. Default: the field's name.
+    """
+    return dataclasses.field(default=default, metadata={"group": {"name": name}})
+
+
 def declarations(parameters: type) -> tuple[Declaration, ...]:
-    """Return the declarations of a parameter dataclass in the order in which they are written."""
-    found = []
+    """Return the declarations of a parameter dataclass in the order in which they are written; groups are flattened."""
+    return tuple(_declared(parameters, None, "", ""))
+
+
+def _declared(parameters: type, defaults: Any, name_prefix: str, field_prefix: str) -> Iterator[Declaration]:
     for field in dataclasses.fields(parameters):
+        default = field.default if defaults is None else getattr(defaults, field.name)
+        if "group" in field.metadata:
+            name = field.metadata["group"]["name"]
+            name = field.name if name is None else name
+            prefix = f"{name_prefix}{name}." if name else name_prefix
+            yield from _declared(type(default), default, prefix, f"{field_prefix}{field.name}.")
+            continue
         facts = dict(field.metadata["parameter"])
-        facts["name"] = facts["name"] or field.name
-        found.append(Declaration(field=field.name, default=field.default, **facts))
-    return tuple(found)
+        facts["name"] = name_prefix + (facts["name"] or field.name)
+        yield Declaration(field=field_prefix + field.name, default=default, **facts)
 
 
 def resolve(parameters: type[T], *layers: Mapping[str, Any], source: str = "") -> T:
@@ -97,7 +121,20 @@ def resolve(parameters: type[T], *layers: Mapping[str, Any], source: str = "") -
             if name not in known:
                 raise ConfigError(unknown_name(name, known, source))
             values[known[name].field] = convert(known[name], value)
-    return parameters(**values)
+    resolved: T = _replaced(parameters(), values)
+    return resolved
+
+
+def _replaced(parameters: Any, values: Mapping[str, Any]) -> Any:
+    """Return a parameter dataclass with other values, which are named by the way to their field."""
+    own = {way: value for way, value in values.items() if "." not in way}
+    inner: dict[str, dict[str, Any]] = {}
+    for way, value in values.items():
+        first, dot, rest = way.partition(".")
+        if dot:
+            inner.setdefault(first, {})[rest] = value
+    own |= {name: _replaced(getattr(parameters, name), below) for name, below in inner.items()}
+    return dataclasses.replace(parameters, **own) if own else parameters
 
 
 def unknown_name(name: str, known: Iterable[str], source: str = "") -> str:
@@ -155,7 +192,7 @@ def _numeric_choice(declaration: Declaration, value: Any) -> bool:
 
 def as_dict(parameters: Any) -> dict[str, Any]:
     """Return the values of a parameter dataclass instance by native name."""
-    return {d.name: getattr(parameters, d.field) for d in declarations(type(parameters))}
+    return {d.name: operator.attrgetter(d.field)(parameters) for d in declarations(type(parameters))}
 
 
 def _as_kind(kind: type, value: Any) -> Any:

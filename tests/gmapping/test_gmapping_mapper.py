@@ -12,9 +12,9 @@ from room_world import SECOND, drifting, drive, from_first, odometry, scan_at
 from slamcli.errors import DataError, InputError, UsageError
 from slamcli.geometry import se2
 from slamcli.gmapping import TIER, GmappingParameters
-from slamcli.gmapping.mapper import between_updates
 from slamcli.mapper import Setup, find_tier
 from slamcli.runtime import RunLog
+from slamcli.trajectory.bending import between_updates
 
 SMALL = {"xmin": -6.0, "xmax": 6.0, "ymin": -6.0, "ymax": 6.0, "particles": 6}
 

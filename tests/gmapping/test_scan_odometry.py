@@ -10,7 +10,7 @@ import pytest
 from room_world import beams_at, drifting, drive, from_first
 
 from slamcli.geometry import se2
-from slamcli.gmapping.scan_odometry import ScanOdometry, between, compose
+from slamcli.registration.scan_odometry import ScanOdometry, between, compose
 
 
 def follow(poses, motions, known=True, beams=120):

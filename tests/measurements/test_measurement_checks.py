@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 
 from slamcli.errors import DataError
-from slamcli.measurements import FrameTransform, Image, LaserScan, Odometry, PointCloud, StampedPose
+from slamcli.measurements import (
+    FrameTransform,
+    GeoFix,
+    Image,
+    LandmarkObservation,
+    Landmarks,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    StampedPose,
+)
 from slamcli.trajectory import Trajectory
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -104,3 +114,15 @@ def test_trajectories():
         Trajectory.from_se2([1], [[0, np.nan, 0]])
     with pytest.raises(DataError, match="farther away"):
         Trajectory.from_se2([1], [[1e16, 0, 0]])
+
+
+def test_fixes_and_landmarks_that_make_no_sense():
+    place = {"stamp_ns": 7, "frame_id": "gps", "latitude_deg": 91.0, "longitude_deg": 0.0, "altitude_m": 0.0}
+    with pytest.raises(DataError, match="fix at 7 ns: latitude 91°"):
+        GeoFix(**place)
+    assert not GeoFix(**place, has_fix=False).has_fix
+    with pytest.raises(DataError, match="landmark 'a': a weight of -1"):
+        LandmarkObservation(id="a", position_m=np.zeros(3), quat_xyzw=IDENTITY, rotation_weight=-1.0)
+    bad = LandmarkObservation(id="a", position_m=np.array([0, np.nan, 0]), quat_xyzw=IDENTITY)
+    with pytest.raises(DataError, match="landmark 'a' at 3 ns: pose is not finite"):
+        Landmarks(stamp_ns=3, frame_id="c", observations=(bad,))

@@ -15,8 +15,11 @@ from slamcli.grids import OccupancyGrid
 from slamcli.measurements import (
     CameraModel,
     FrameTransform,
+    GeoFix,
     Image,
     ImuSample,
+    LandmarkObservation,
+    Landmarks,
     LaserScan,
     Odometry,
     PointCloud,
@@ -29,6 +32,7 @@ from slamcli.recordings.adapters import (
     StampedGrid,
     StampedPath,
     encoder_for,
+    landmark_list,
     message_factory,
     point_cloud2,
 )
@@ -203,6 +207,34 @@ MEASUREMENTS: list[tuple[str, Any]] = [
             path=Trajectory.from_se2([STAMP, STAMP + 1, STAMP + 2], [[0, 0, 0], [1, 0, 0.5], [2, 1, 1.0]], "map"),
         ),
     ),
+    (
+        "sensor_msgs/msg/NavSatFix",
+        GeoFix(
+            stamp_ns=STAMP,
+            frame_id="gps",
+            latitude_deg=48.25,
+            longitude_deg=-11.5,
+            altitude_m=512.0,
+            covariance_m2=np.diag([1.0, 2.0, 4.0]),
+        ),
+    ),
+    (
+        "cartographer_ros_msgs/msg/LandmarkList",
+        Landmarks(
+            stamp_ns=STAMP,
+            frame_id="camera",
+            observations=(
+                LandmarkObservation(
+                    id="tag 7",
+                    position_m=np.array([1.0, 2.0, 3.0]),
+                    quat_xyzw=QUAT,
+                    translation_weight=2.0,
+                    rotation_weight=0.0,
+                ),
+            ),
+        ),
+    ),
+    ("cartographer_ros_msgs/msg/LandmarkList", Landmarks(stamp_ns=STAMP, frame_id="c", observations=())),
 ]
 
 
@@ -562,3 +594,24 @@ def test_multi_echo_takes_the_first_echo() -> None:
     read = _decode(message, _context())
     assert read.ranges_m[0] == 2.0
     assert np.isnan(read.ranges_m[1])
+
+
+def test_a_receiver_without_a_fix() -> None:
+    lost = GeoFix(
+        stamp_ns=STAMP, frame_id="gps", latitude_deg=np.nan, longitude_deg=0.0, altitude_m=np.nan, has_fix=False
+    )
+    container = MemoryContainer()
+    container.writer().write("/fix", lost)
+    (read,) = list(container.recording().measurements(["/fix"]))
+    assert not read.has_fix
+    assert read.covariance_m2 is None
+
+
+def test_landmarks_under_the_fields_old_name() -> None:
+    q, p = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0), SimpleNamespace(x=1.0, y=2.0, z=3.0)
+    pose = SimpleNamespace(position=p, orientation=q)
+    entry = SimpleNamespace(id="a", tracking_from_landmark_transform=pose, translation_weight=3.0, rotation_weight=4.0)
+    message = SimpleNamespace(header=SimpleNamespace(frame_id="/camera"), landmark=[entry])
+    (read,) = landmark_list.ADAPTER.decode(message, STAMP, _context())
+    assert read.frame_id == "camera"
+    assert [(seen.id, seen.translation_weight, seen.rotation_weight) for seen in read.observations] == [("a", 3.0, 4.0)]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from memory_recording import MemoryContainer
-from planar_run import planar_run
+from planar_run import pick_topics, planar_run
 
 from slamcli.errors import RecordingError
 from slamcli.geometry import quaternion, se3
@@ -15,7 +15,6 @@ from slamcli.recordings.laser_mount import find_laser_mount
 from slamcli.recordings.mends import Mends
 from slamcli.recordings.odometry_track import read_odometry
 from slamcli.recordings.recording import Recording
-from slamcli.recordings.topic_picks import pick_topics
 
 S = 1_000_000_000
 

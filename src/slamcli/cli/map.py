@@ -47,8 +47,33 @@ if TYPE_CHECKING:
     help="One parameter, by its native name (`slamcli config show`).",
 )
 @click.option("--arg", "arguments", multiple=True, metavar="NAME=VALUE", help="An argument of a launch file.")
-@click.option("--scan-topic", help="Topic of the laser scans.")
-@click.option("--odom-topic", help="Topic of the odometry; `tf` takes it from the transforms.")
+@click.option(
+    "--scan-topic",
+    "scan_topics",
+    multiple=True,
+    metavar="TOPIC",
+    help="Laser scans; several times for several scanners (cartographer).",
+)
+@click.option(
+    "--points-topic",
+    "points_topics",
+    multiple=True,
+    metavar="TOPIC",
+    help="Point clouds, instead of or beside scans (cartographer); several times for several sensors.",
+)
+@click.option(
+    "--odom-topic", metavar="TOPIC", help="Odometry; `tf` takes it from the transforms, `none` leaves it out."
+)
+@click.option("--imu-topic", metavar="TOPIC", help="IMU (cartographer); `none` leaves it out.")
+@click.option(
+    "--fix-topic", metavar="TOPIC", help="GPS fixes, or poses in a fixed frame (cartographer); `none` leaves them out."
+)
+@click.option(
+    "--landmark-topic", metavar="TOPIC", help="Landmarks (cartographer_ros LandmarkList); `none` leaves them out."
+)
+@click.option(
+    "--mode", metavar="MODE", help="How the system runs, where it can run in several ways: 2d or 3d (cartographer)."
+)
 @click.option("--base-frame", help="Frame of the robot.")
 @click.option("--odom-frame", help="Frame of the odometry.")
 @click.option("--map-frame", help="Name of the map's frame.")
@@ -141,7 +166,10 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
 def _command_line(bag: tuple[Path, ...], arguments: dict[str, str], options: dict[str, Any]) -> str:
     """Return the command that makes this result again: without the output folder and what cannot change the result."""
     words = ["slamcli", "map", "--algo", options["algo"], *(path.name for path in bag), "--seed", str(options["seed"])]
-    names = {"config_files": "--config", "sets": "--set", "start_s": "--start", "duration_s": "--duration"}
+    names = {
+        "config_files": "--config", "sets": "--set", "start_s": "--start", "duration_s": "--duration",
+        "scan_topics": "--scan-topic", "points_topics": "--points-topic",
+    }  # fmt: skip
     for key, value in options.items():
         if key in ("algo", "seed", "output") or value in (None, ()) or (key == "map_mode" and value == "trinary"):
             continue

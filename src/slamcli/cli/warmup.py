@@ -15,9 +15,11 @@ from slamcli.cli.options import json_option, verbosity_options
 # Modules under slamcli with a `warm()` that calls each of their kernels on tiny input.
 ROOMS = (
     "grids.distance",
+    "grids.submap_drawing",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "posegraph.planar_covariances",
     "registration.tile_matching",
     "registration.voxel_filter",
     "simulation.drive",

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from slamcli.gmapping.parameters import GmappingParameters
-from slamcli.mapper import Mapper, Setup
+from slamcli.mapper import InputPlan, Mapper, SensorOffer, Setup
+from slamcli.runtime import RunLog
 
 
 class GmappingTier:
@@ -14,6 +16,17 @@ class GmappingTier:
 
     name = "gmapping"
     parameters: type = GmappingParameters
+    roles = frozenset({"scans", "odometry"})
+    modes: tuple[str, ...] = ()
+
+    def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:  # noqa: ARG002
+        """Return that one scanner is used, and the odometry where there is one."""
+        return InputPlan(
+            parameters=parameters,
+            base_frame=parameters.base_frame if "base_frame" in given else None,
+            odom_frame=parameters.odom_frame if "odom_frame" in given else None,
+            map_frame=parameters.map_frame,
+        )
 
     def build(self, parameters: Any, setup: Setup) -> Mapper:
         """Return a mapper."""

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +11,10 @@ from numpy.typing import NDArray
 from slamcli.errors import CalibrationError
 from slamcli.gmapping.parameters import GmappingParameters
 from slamcli.measurements import LaserScan
+from slamcli.registration.beams import Beams, moved, sweep_times, turned
 
 _UPRIGHT_TOLERANCE = 1e-3
 """How far the scanner's axis may be from the vertical (1 - |cos|), as in slam_gmapping."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Beams:
-    """One scan in the base frame, metres."""
-
-    points: NDArray[np.float64]
-    """float64 (M, 2), end points that are matched."""
-    directions: NDArray[np.float64]
-    """float64 (M, 2), unit vectors of the matched beams."""
-    start: NDArray[np.float64]
-    """float64 (1, 2), where all beams start."""
-    ends: NDArray[np.float64]
-    """float64 (B, 2), where drawn beams end."""
-    hit: NDArray[np.bool_]
-    """bool (B,), whether a drawn beam ended at an obstacle."""
 
 
 class BeamModel:
@@ -81,8 +65,8 @@ class BeamModel:
         directions = unit[every]
         if twist is not None and scan.time_increment_s != 0.0:
             times = sweep_times(scan)
-            points, directions = _moved(points, times[every], twist), _turned(directions, times[every] * twist[2])
-            ends = _moved(ends, times[drawn], twist)
+            points, directions = moved(points, times[every], twist), turned(directions, times[every] * twist[2])
+            ends = moved(ends, times[drawn], twist)
         start = self._position.reshape(1, 2).astype(np.float64)
         return Beams(points, np.ascontiguousarray(directions), start, ends, np.ascontiguousarray(hit[drawn]))
 
@@ -99,20 +83,3 @@ class BeamModel:
             angles = scan.angles_rad
             self._fan, self._unit = fan, np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self._rotation.T
         return self._unit
-
-
-def sweep_times(scan: LaserScan) -> NDArray[np.float64]:
-    """Return when each beam was measured, float64 (N,), seconds after the stamp; a negative increment is a reversed sweep."""
-    order = np.arange(scan.num_beams, dtype=np.float64)
-    return (order if scan.time_increment_s > 0 else order[::-1]) * abs(scan.time_increment_s)
-
-
-def _turned(vectors: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return vectors (N, 2) turned by angles (N,), radians."""
-    c, s = np.cos(angles), np.sin(angles)
-    return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=1)
-
-
-def _moved(points: NDArray[np.float64], times: NDArray[np.float64], twist: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (N, 2), each seen by the base at its time, in the base at time 0; the velocity is constant."""
-    return _turned(points, times * twist[2]) + times[:, None] * twist[:2]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import ConfigError
-from slamcli.gmapping.beams import Beams
 from slamcli.gmapping.motion import MotionModel
 from slamcli.gmapping.parameters import GmappingParameters
 from slamcli.grids.tiles import TiledMaps
+from slamcli.registration.beams import Beams
 from slamcli.registration.tile_matching import HillClimb, SurfaceAlignment, match_particles, sample_likelihoods
 
 _FREE_CHECK_CELLS = math.sqrt(2)

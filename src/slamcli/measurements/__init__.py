@@ -6,21 +6,36 @@ read-only.
 """
 
 from slamcli.measurements.camera import CameraModel
+from slamcli.measurements.geo import GeoFix
 from slamcli.measurements.image import Image
 from slamcli.measurements.imu import ImuSample
+from slamcli.measurements.landmarks import LandmarkObservation, Landmarks
 from slamcli.measurements.laser import LaserScan
 from slamcli.measurements.motion import FrameTransform, Odometry, StampedPose, StampedTwist
 from slamcli.measurements.points import PointCloud
 
 Measurement = (
-    LaserScan | PointCloud | Image | ImuSample | Odometry | StampedPose | StampedTwist | FrameTransform | CameraModel
+    LaserScan
+    | PointCloud
+    | Image
+    | ImuSample
+    | Odometry
+    | StampedPose
+    | StampedTwist
+    | FrameTransform
+    | CameraModel
+    | GeoFix
+    | Landmarks
 )
 
 __all__ = [
     "CameraModel",
     "FrameTransform",
+    "GeoFix",
     "Image",
     "ImuSample",
+    "LandmarkObservation",
+    "Landmarks",
     "LaserScan",
     "Measurement",
     "Odometry",

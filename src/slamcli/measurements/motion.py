@@ -12,7 +12,14 @@ from slamcli.errors import DataError
 from slamcli.geometry import quaternion
 
 
-def _check_pose(what: str, stamp_ns: int, position: NDArray[np.float64], quat_xyzw: NDArray[np.float64]) -> None:
+def check_pose(what: str, stamp_ns: int, position: NDArray[np.float64], quat_xyzw: NDArray[np.float64]) -> None:
+    """Refuse a pose of wrong shape, that is not finite, or that lies beyond 1e15 m.
+
+    Raises
+    ------
+    DataError
+        Naming `what` and when.
+    """
     if position.shape != (3,) or quat_xyzw.shape != (4,):
         raise DataError(
             f"{what} at {stamp_ns} ns: position {position.shape}, orientation {quat_xyzw.shape}, not (3,) and (4,)"
@@ -43,7 +50,7 @@ class StampedPose:
     topic: str = ""
 
     def __post_init__(self) -> None:
-        _check_pose("pose", self.stamp_ns, self.position_m, self.quat_xyzw)
+        check_pose("pose", self.stamp_ns, self.position_m, self.quat_xyzw)
 
     @property
     def pose_se2(self) -> NDArray[np.float64]:
@@ -89,6 +96,6 @@ class FrameTransform:
     topic: str = ""
 
     def __post_init__(self) -> None:
-        _check_pose(
+        check_pose(
             f"transform {self.parent_frame_id} -> {self.child_frame_id}", self.stamp_ns, self.position_m, self.quat_xyzw
         )

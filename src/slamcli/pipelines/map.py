@@ -10,24 +10,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from slamcli.errors import CalibrationError
 from slamcli.formats.map_modes import Mode
-from slamcli.formats.maps import write_map
-from slamcli.formats.trajectories import write_tum
 from slamcli.mapper import MappingResult, Setup, find_tier
 from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.config import NativeConfig, load_native
-from slamcli.pipelines.evaluate import TrajectoryScore, score_trajectory
-from slamcli.pipelines.planar_input import PlanarFeed, feed_planar
-from slamcli.pipelines.run_record import describe_inputs, run_document, step_columns, to_json
+from slamcli.pipelines.evaluate import score_trajectory
+from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
+from slamcli.pipelines.range_input import SensorFeed, feed_sensors
+from slamcli.pipelines.run_record import describe_inputs, run_document
 from slamcli.pipelines.trajectories import load_trajectory
-from slamcli.pipelines.view_alignment import laid_over
 from slamcli.recordings import Mends, Recording, open_recording
-from slamcli.reports.figures import map_png
-from slamcli.reports.html import report
+from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.runtime import RunLog
 
 
@@ -43,8 +38,16 @@ class MapRequest:
     sets: Sequence[str] = ()
     """``KEY=VALUE`` with native keys."""
     launch_arguments: Mapping[str, str] = field(default_factory=dict)
-    scan_topic: str | None = None
+    scan_topics: Sequence[str] = ()
+    points_topics: Sequence[str] = ()
     odom_topic: str | None = None
+    """A topic, ``tf`` or ``none``."""
+    imu_topic: str | None = None
+    """A topic or ``none``, as of the next two."""
+    fix_topic: str | None = None
+    landmark_topic: str | None = None
+    mode: str | None = None
+    """One of the tier's modes: ``2d`` or ``3d`` of cartographer."""
     base_frame: str | None = None
     odom_frame: str | None = None
     map_frame: str | None = None
@@ -89,8 +92,12 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         )
         with open_recording(request.inputs, mends=request.mends, log=log) as recording:
             _check_frame(request.base_frame, recording)
-            feed = feed_planar(recording, _picks(request, config), log)
-            mapper = find_tier(request.algo).build(config.parameters, _setup(request, config, feed, log))
+            tier = find_tier(request.algo)
+            feed = feed_sensors(
+                recording, tier, config.parameters, config.sources, _names(request, config), log,
+                mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
+            )  # fmt: skip
+            mapper = tier.build(feed.plan.parameters, _setup(request, feed, log))
             with log.stage("read"):
                 for measurement in feed.measurements():
                     mapper.process(measurement)
@@ -100,26 +107,13 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     score = None if reference is None else score_trajectory(result.trajectory, reference, log=log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
-            write_tum(folder / "trajectory.tum", result.trajectory)
-            truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
-            picture = b""
-            if result.grid is not None:
-                write_map(folder / "map.yaml", result.grid, mode=request.map_mode)
-                picture = map_png(result.grid, trajectory=result.trajectory, truth=truth)
-                (folder / "map.png").write_bytes(picture)
-        outputs = sorted([*(path.name for path in folder.iterdir()), "report.html", "run.json"])
+            written = write_result(folder, result, score=score, map_mode=request.map_mode, log=log)
         run = run_document(
-            command=request.command, algo=request.algo, parameters=as_dict(config.parameters), changed=_changed(config), seed=request.seed,
+            command=request.command, algo=request.algo, parameters=as_dict(feed.plan.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=feed.topics, frames=feed.frames, log=log, total_s=time.perf_counter() - began,
-            duration_s=duration_s, summary=_summary(result, score), outputs=outputs,
+            duration_s=duration_s, summary=summarise(result, score), outputs=(*written.names, *RECORDS),
         )  # fmt: skip
-        page = report(
-            run, map_image=picture, steps=result.steps, trajectory=result.trajectory, truth=truth,
-            errors=_errors(score), grid=result.grid, declared=declarations(type(config.parameters)),
-        )  # fmt: skip
-        (folder / "report.html").write_text(page, encoding="utf-8")
-        run["steps"] = step_columns(result.steps)
-        (folder / "run.json").write_text(to_json(run), encoding="utf-8")
+        run = write_records(folder, run, result, written, score=score, declared=declarations(type(config.parameters)))
     return MapOutcome(output=output, result=result, run=run)
 
 
@@ -132,18 +126,19 @@ def default_output(inputs: Sequence[Path]) -> Path:
     return first.parent / f"{name}-maps"
 
 
-def _picks(request: MapRequest, config: NativeConfig) -> dict[str, Any]:
-    """Return topics and frames: flags before native files before what fits the recording."""
-    given = config.sources
-    parameters = as_dict(config.parameters)
-    return {
-        "scan_topic": request.scan_topic or config.scan_topic,
-        "odom_topic": request.odom_topic,
-        "base_frame": request.base_frame or (parameters["base_frame"] if "base_frame" in given else None),
-        "odom_frame": request.odom_frame or (parameters["odom_frame"] if "odom_frame" in given else None),
-        "start_s": request.start_s,
-        "duration_s": request.duration_s,
-    }
+def _names(request: MapRequest, config: NativeConfig) -> TopicNames:
+    """Return the topics and frames that the user names: flags before native files."""
+    scans = request.scan_topics or (() if config.scan_topic is None else (config.scan_topic,))
+    return TopicNames(
+        scans=tuple(scans),
+        points=tuple(request.points_topics),
+        odometry=request.odom_topic,
+        imu=request.imu_topic,
+        fixes=request.fix_topic,
+        landmarks=request.landmark_topic,
+        base_frame=request.base_frame,
+        odom_frame=request.odom_frame,
+    )
 
 
 def _check_frame(name: str | None, recording: Recording) -> None:
@@ -159,11 +154,12 @@ def _check_frame(name: str | None, recording: Recording) -> None:
         raise CalibrationError(f"--base-frame {name}: {recording.name} has no such frame; it has {', '.join(known)}")
 
 
-def _setup(request: MapRequest, config: NativeConfig, feed: PlanarFeed, log: RunLog) -> Setup:
+def _setup(request: MapRequest, feed: SensorFeed, log: RunLog) -> Setup:
     return Setup(
-        T_base_laser={feed.scan_topic: feed.T_base_laser},
-        map_frame=request.map_frame or as_dict(config.parameters)["map_frame"],
-        base_frame=feed.frames["base"],
+        T_base_laser=feed.T_base_laser,
+        T_base_sensor=feed.T_base_sensor,
+        map_frame=request.map_frame or feed.plan.map_frame,
+        base_frame=feed.base_frame,
         seed=request.seed,
         jobs=request.jobs,
         no_return=request.mends.no_return,
@@ -174,26 +170,3 @@ def _setup(request: MapRequest, config: NativeConfig, feed: PlanarFeed, log: Run
 def _changed(config: NativeConfig) -> dict[str, Any]:
     defaults = {entry.name: entry.default for entry in declarations(type(config.parameters))}
     return {name: value for name, value in as_dict(config.parameters).items() if value != defaults[name]}
-
-
-def _summary(result: MappingResult, score: TrajectoryScore | None) -> dict[str, Any]:
-    summary = dict(result.summary) | {"path_length_m": result.trajectory.length_m, "poses": len(result.trajectory)}
-    if result.grid is not None:
-        grid, area = result.grid, result.grid.resolution_m**2
-        summary |= {
-            "map_width_cells": grid.width,
-            "map_height_cells": grid.height,
-            "free_m2": float((grid.cells == grid.FREE).sum() * area),
-            "occupied_m2": float((grid.cells == grid.OCCUPIED).sum() * area),
-        }
-    return summary if score is None else summary | {"truth": score.figures()}
-
-
-def _errors(score: TrajectoryScore | None) -> dict[str, Any] | None:
-    if score is None or score.ape is None or score.ape_rot is None:
-        return None
-    return {
-        "stamp_ns": score.aligned.stamps_ns[score.ape.indices],
-        "translation_m": score.ape.errors,
-        "rotation_rad": np.radians(score.ape_rot.errors),
-    }

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Nodes, edges and their robust optimisation; the state of a mapping run that can be saved and gone on with."""
 
-from slamcli.posegraph.map_state import Constraint, Id, LoopSearch, MapState, Node, Submap
+from slamcli.posegraph.map_state import Constraint, Id, LoopSearch, MapState, Node, Submap, TrajectoryData
 
-__all__ = ["Constraint", "Id", "LoopSearch", "MapState", "Node", "Submap"]
+__all__ = ["Constraint", "Id", "LoopSearch", "MapState", "Node", "Submap", "TrajectoryData"]

@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 from slamcli.grids.hybrid_grid import HybridGrid
 from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.grids.tsdf_grid import TsdfGrid
-from slamcli.measurements import ImuSample, Odometry, StampedPose
+from slamcli.measurements import ImuSample, Landmarks, Odometry, StampedPose
+
+
+def _no_rotation() -> NDArray[np.float64]:
+    return np.array([0.0, 0.0, 0.0, 1.0])
 
 
 class Id(NamedTuple):
@@ -92,6 +96,17 @@ class LoopSearch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrajectoryData:
+    """What the optimisation found out of a trajectory's sensors."""
+
+    gravity_m_s2: float = 9.8
+    imu_calibration_xyzw: NDArray[np.float64] = field(default_factory=_no_rotation)
+    """float64 (4,), rotation of the IMU's readings into the tracking frame."""
+    T_map_fixed_frame: NDArray[np.float64] | None = None
+    """float64 (4, 4), origin of the fixed-frame poses (GPS) in the map; None where there were none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MapState:
     """Everything that mapping goes on from; the content of a ``.pbstream``."""
 
@@ -106,6 +121,11 @@ class MapState:
     fixed_frame_poses: dict[int, tuple[StampedPose, ...]] = field(default_factory=dict)
     landmarks: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     """Optimised poses float64 (4, 4) by the landmark's id."""
+    landmark_observations: dict[int, tuple[Landmarks, ...]] = field(default_factory=dict)
+    """By trajectory, in the tracking frame."""
+    trajectory_data: dict[int, TrajectoryData] = field(default_factory=dict)
+    options: dict[int, bytes] = field(default_factory=dict)
+    """By trajectory: the options that a ``.pbstream`` was written with, as they lie in the file; kept for Cartographer."""
 
     @property
     def trajectories(self) -> tuple[int, ...]:

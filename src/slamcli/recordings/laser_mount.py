@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Where a scanner sits on the robot: from a given pose, the recording's transforms, or a robot model."""
+"""Where a sensor sits on the robot: from a given pose, the recording's transforms, or a robot model."""
 
 from __future__ import annotations
 
@@ -32,10 +32,11 @@ class LaserMount:
     """``given``, ``tf`` or ``none`` (taken to be the base frame itself)."""
 
 
-def find_laser_mount(recording: Recording, *, base_frame: str, laser_frame: str) -> LaserMount:
+def find_laser_mount(recording: Recording, *, base_frame: str, laser_frame: str, planar: bool = True) -> LaserMount:
     """Return the mount: ``--laser-pose`` before the frame tree (tf, ``--static-tf``, ``--urdf``) before the base frame.
 
-    The last one is said as a warning, and so is a scanner that is tilted out of the plane by more than 5 degrees.
+    The last one is said as a warning, and so is a scanner that is tilted out of the plane by more than 5 degrees where
+    the map is `planar`.
     """
     given = recording.mends.laser_pose
     if given is not None:
@@ -61,7 +62,7 @@ def find_laser_mount(recording: Recording, *, base_frame: str, laser_frame: str)
         )
     up = float(T[2, 2])
     tilt = math.acos(min(1.0, abs(up)))
-    if tilt > _TILT_TOLERANCE_RAD:
+    if tilt > _TILT_TOLERANCE_RAD and planar:
         recording.log.warn(
             f"{laser_frame} is tilted by {math.degrees(tilt):.0f}° against {base_frame}: scans are not planar"
         )
@@ -69,3 +70,33 @@ def find_laser_mount(recording: Recording, *, base_frame: str, laser_frame: str)
         recording.log.note(f"{laser_frame} is mounted upside down: scans are turned")
         T = T @ _HALF_TURN
     return LaserMount(T_base_laser=T, upside_down=up < 0, source="tf")
+
+
+def find_cloud_mount(recording: Recording, *, base_frame: str, cloud_frame: str) -> LaserMount:
+    """Return the mount of a sensor whose points are in its own frame: found as that of a scanner, never turned."""
+    mount = find_laser_mount(recording, base_frame=base_frame, laser_frame=cloud_frame, planar=False)
+    if not mount.upside_down:
+        return mount
+    return LaserMount(T_base_laser=mount.T_base_laser @ _HALF_TURN, upside_down=False, source=mount.source)
+
+
+def find_sensor_mount(recording: Recording, *, base_frame: str, sensor_frame: str, what: str) -> NDArray[np.float64]:
+    """Return the mount of a sensor other than a scanner, float64 (4, 4), by the frame tree.
+
+    Where the tree does not tell it the sensor is taken to sit in the base frame, turned as it is, with a warning that
+    names `what` it is. A mount that moves is read at the end of the recording.
+    """
+    tree = recording.frames()
+    if sensor_frame == base_frame:
+        return np.eye(4)
+    if not sensor_frame or not tree.connected(base_frame, sensor_frame):
+        recording.log.warn(
+            f"no transform {base_frame} -> {sensor_frame or '(no frame)'}: the {what} is taken to sit at {base_frame}, "
+            "with the same axes; give its place with --static-tf or --urdf"
+        )
+        return np.eye(4)
+    if not tree.is_static(base_frame, sensor_frame):
+        recording.log.warn(
+            f"{base_frame} -> {sensor_frame} moves during the recording: its last pose is used throughout"
+        )
+    return tree.lookup(base_frame, sensor_frame)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from slamcli.errors import RecordingError
 from slamcli.geometry import se2, se3
+from slamcli.recordings.odometry_pick import OdometryPick
 from slamcli.recordings.recording import Recording
-from slamcli.recordings.topic_picks import TopicPicks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,7 +32,7 @@ class OdometryTrack:
 
 
 def read_odometry(
-    recording: Recording, picks: TopicPicks, *, start_s: float | None = None, duration_s: float | None = None
+    recording: Recording, picks: OdometryPick, *, start_s: float | None = None, duration_s: float | None = None
 ) -> OdometryTrack | None:
     """Return the odometry that was picked, None if there is none.
 
@@ -53,7 +53,7 @@ def read_odometry(
 
 
 def _from_topic(
-    recording: Recording, picks: TopicPicks, start_s: float | None, duration_s: float | None
+    recording: Recording, picks: OdometryPick, start_s: float | None, duration_s: float | None
 ) -> OdometryTrack:
     topic = picks.odom_topic
     assert topic is not None  # noqa: S101 - checked by the caller
@@ -76,7 +76,7 @@ def _from_topic(
 
 
 def _from_frames(
-    recording: Recording, picks: TopicPicks, start_s: float | None, duration_s: float | None
+    recording: Recording, picks: OdometryPick, start_s: float | None, duration_s: float | None
 ) -> OdometryTrack:
     tree = recording.frames()
     moving = [edge for edge in tree.path(picks.odom_frame, picks.base_frame) if not edge.static]

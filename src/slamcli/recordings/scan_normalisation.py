@@ -130,12 +130,15 @@ class ScanNormaliser:
         Directions of the beams of every scan that comes out.
     mirrored
         True for a scanner that is mounted upside down.
+    name
+        Of the scanner, for the log, where there are several.
     """
 
-    def __init__(self, fan: Fan, *, mirrored: bool, log: RunLog) -> None:
+    def __init__(self, fan: Fan, *, mirrored: bool, log: RunLog, name: str = "") -> None:
         self._fan = fan
         self._mirrored = mirrored
         self._log = log
+        self._of = f"{name}: " if name else ""
         self._num_resampled = 0
 
     def normalise(self, scan: LaserScan) -> LaserScan:
@@ -148,10 +151,10 @@ class ScanNormaliser:
     def tell(self) -> None:
         """Write into the log how many scans were resampled, if any."""
         if self._num_resampled:
-            counts, fan = self._log.counts, self._fan
-            counts["scans resampled to one fan"] = max(counts["scans resampled to one fan"], self._num_resampled)
+            counts, fan, what = self._log.counts, self._fan, f"{self._of}scans resampled to one fan"
+            counts[what] = max(counts[what], self._num_resampled)
             self._log.warn(
-                f"{self._num_resampled} scans have other beams than the rest: resampled to {fan.num_beams} beams of "
+                f"{self._of}{self._num_resampled} scans have other beams than the rest: resampled to {fan.num_beams} beams of "
                 f"{math.degrees(fan.angle_increment_rad):.3f}° from {math.degrees(fan.angle_min_rad):.1f}°"
             )
 

@@ -13,8 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.grids import OccupancyGrid
+from slamcli.measurements import PointCloud
 from slamcli.parameters import Declaration
+from slamcli.posegraph import LoopSearch, MapState
 from slamcli.reports import page, scales, step_charts, svg
+from slamcli.reports.cloud_section import cloud_figures
+from slamcli.reports.graph_section import graph_sections
 from slamcli.trajectory import Trajectory
 
 _NO_STAGE = ("total_s", "realtime_factor", "recording_s", "jobs")
@@ -30,6 +34,9 @@ def report(
     errors: Mapping[str, NDArray[Any]] | None = None,
     grid: OccupancyGrid | None = None,
     declared: Sequence[Declaration] = (),
+    state: MapState | None = None,
+    loop_searches: Sequence[LoopSearch] = (),
+    cloud: PointCloud | None = None,
 ) -> str:
     """Return the report as HTML; the same input gives the same text.
 
@@ -52,6 +59,10 @@ def report(
         The map, for its size and areas.
     declared
         Declarations of the system's parameters, for units, defaults and help.
+    state, loop_searches
+        The pose graph that the run ended with, and every search for a loop closure.
+    cloud
+        The mapped points in the map frame.
     """
     name = _input_name(run)
     title = f"{name} · {run.get('algo', 'slamcli')}"
@@ -64,6 +75,8 @@ def report(
             page.cards(_headline(run, trajectory, grid, errors)),
             page.bullets([str(w) for w in run.get("warnings") or ()], "warnings"),
             page.section("Map", _map(map_image)),
+            page.section("Points", *cloud_figures(cloud, trajectory)),
+            *graph_sections(state, loop_searches, run, grid, began_ns),
             page.section("Error against ground truth", *_errors(errors, began_ns), _overlay(trajectory, truth)),
             page.section("Steps", *step_charts.figures(steps or {}, began_ns)),
             page.section("Time per stage", _timing(run.get("timing") or {})),
@@ -127,11 +140,7 @@ def _map(image: bytes) -> str:
     if not image:
         return ""
     data = base64.b64encode(image).decode("ascii")
-    tools = "".join(
-        f'<button type="button" data-zoom="{zoom}" aria-label="{name}">{sign}</button>'
-        for zoom, name, sign in (("2", "zoom in", "+"), ("0.5", "zoom out", "−"), ("0", "whole map", "⤢"))
-    )
-    picture = f'<div class="map"><img src="data:image/png;base64,{data}" alt="map with trajectory"><div class="tools">{tools}</div></div>'
+    picture = page.zoomable(f'<img src="data:image/png;base64,{data}" alt="map with trajectory">')
     return page.figure(
         picture,
         caption="Black is wall, white is free, bluish grey was never seen. The trajectory runs from dark blue (disc) to orange (square).",

@@ -11,8 +11,10 @@ from slamcli.recordings.adapters import (
     compressed_image,
     image,
     imu,
+    landmark_list,
     laser_scan,
     multi_echo_laser_scan,
+    nav_sat_fix,
     occupancy_grid,
     odometry,
     path,
@@ -48,6 +50,8 @@ ADAPTERS: tuple[Adapter, ...] = (
     transform_stamped.ADAPTER,
     occupancy_grid.ADAPTER,
     path.ADAPTER,
+    nav_sat_fix.ADAPTER,
+    landmark_list.ADAPTER,
 )
 
 _BY_MSGTYPE: dict[str, Adapter] = {msgtype: adapter for adapter in ADAPTERS for msgtype in adapter.msgtypes}

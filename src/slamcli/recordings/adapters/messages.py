@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_TF_MESSAGE = "tf2_msgs/msg/TFMessage"
-
 
 class MessageFactory:
     """Messages of one encoding (``ros1`` or ``cdr``), from rosbags' type stores.
@@ -20,13 +18,13 @@ class MessageFactory:
     """
 
     def __init__(self, encoding: str) -> None:
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+        from rosbags.typesys import Stores, get_typestore
+
+        from slamcli.recordings.extra_types import add_extra_types
 
         self.encoding = encoding
         self.ros1 = encoding == "ros1"
-        self._store = get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.ROS2_HUMBLE)
-        if _TF_MESSAGE not in self._store.types:
-            self._store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _TF_MESSAGE))
+        self._store = add_extra_types(get_typestore(Stores.ROS1_NOETIC if self.ros1 else Stores.ROS2_HUMBLE))
 
     def make(self, msgtype: str, *values: Any) -> Any:
         """Return a message of `msgtype` with its fields in the order of the definition."""

@@ -14,9 +14,9 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from rosbags.typesys.store import Typestore
 
 from slamcli.errors import RecordingError
+from slamcli.recordings.extra_types import add_extra_types
 from slamcli.recordings.raw import Topic
 
-_TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 _IDL_SEPARATOR = "=" * 80 + "\nIDL: "
 TYPE_ERRORS = (
     TypesysError,
@@ -86,11 +86,8 @@ def _used_type(field: Any) -> str:
 
 @functools.cache
 def shipped_types(encoding: str) -> Typestore:
-    """Return the types that ROS ships, of ROS 1 for ``ros1``, of ROS 2 else."""
-    store = get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST)
-    if _TF_MESSAGE not in store.fielddefs:  # rosbags leaves out the package
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _TF_MESSAGE))
-    return store
+    """Return the types that ROS ships and those of `slamcli.recordings.extra_types`, of ROS 1 for ``ros1``, of ROS 2 else."""
+    return add_extra_types(get_typestore(Stores.ROS1_NOETIC if encoding == "ros1" else Stores.LATEST))
 
 
 def completed_topic(topic: Topic) -> Topic:

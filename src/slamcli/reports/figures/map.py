@@ -84,6 +84,15 @@ def map_png(grid: OccupancyGrid, **drawn: Any) -> bytes:
     return raster.png(map_image(grid, **drawn))
 
 
+def map_layer(grid: OccupancyGrid, points_m: NDArray[np.float64], max_pixels: int) -> tuple[Pixels, View]:
+    """Return the cells alone as pixels uint8 (H, W, 3), and where they lie, to draw over.
+
+    `points_m`, float64 (N, 2), metres, map frame, is what the view has to hold besides the known cells.
+    """
+    view = _choose_view(grid, points_m[np.isfinite(points_m).all(axis=1)], max_pixels)
+    return _paint_cells(grid, view), view
+
+
 def _overlays(
     trajectory: Trajectory | None,
     truth: Trajectory | None,

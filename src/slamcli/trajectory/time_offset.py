@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se2
-from slamcli.gmapping.wheel_odometry import WheelOdometry
+from slamcli.trajectory.wheel_odometry import WheelOdometry
 
 _RANGE_S, _COARSE_S, _FINE_S = 0.6, 0.02, 0.0025
 _MIN_TURN_RAD = 0.02

@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""Which topics and frames a planar SLAM run takes from a recording, and why."""
+"""Where a recording's odometry comes from, and which frames are the robot's base and the odometry's."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from slamcli.errors import RecordingError
 from slamcli.geometry.frame_tree import FrameTree
-from slamcli.measurements import LaserScan, Odometry
+from slamcli.measurements import Odometry
 from slamcli.recordings.raw import Topic
 from slamcli.recordings.recording import Recording
+from slamcli.recordings.topic_ranks import name_rank
 
 FROM_TF = "tf"
 """What a user names as odometry topic to take odometry from the frame tree."""
 
-_USUAL_SCANS = ("scan", "base_scan", "laser_scan", "laser", "front_scan", "scan_front", "scan_raw", "scan_filtered")
 _USUAL_ODOMETRY = ("odom", "odometry", "wheel_odom", "wheel_odometry", "odom_raw", "odom_combined")
 _NOT_ODOMETRY = ("truth", "_gt", "/gt", "mocap", "vicon", "optitrack", "gps", "visual", "vo/", "amcl", "slam")
 _BASE_FRAMES = ("base_link", "base_footprint", "base", "base_frame")
@@ -23,11 +22,9 @@ _ODOM_FRAMES = ("odom", "odom_combined", "odom_frame")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TopicPicks:
-    """What was picked; the reasons stand in the recording's log as notes."""
+class OdometryPick:
+    """Where the odometry comes from, and the frames to use."""
 
-    scan: Topic
-    laser_frame: str
     base_frame: str
     odom_frame: str
     odometry: str
@@ -38,53 +35,46 @@ class TopicPicks:
     """The frame whose motion the odometry describes; differs from `base_frame` by a fixed transform, if at all."""
 
 
-def pick_topics(
+def pick_odometry(
     recording: Recording,
+    sensor_frame: str,
     *,
-    scan_topic: str | None = None,
     odom_topic: str | None = None,
     base_frame: str | None = None,
     odom_frame: str | None = None,
-) -> TopicPicks:
-    """Return the scan topic, the odometry and the frames to use: what the caller names, else what fits best.
+    wanted: bool = True,
+) -> OdometryPick:
+    """Return the odometry and the frames to use: what the caller names, else what fits best.
 
     Parameters
     ----------
-    odom_topic
-        A nav_msgs/Odometry topic, or ``tf`` for the transform from `odom_frame` to `base_frame`.
+    sensor_frame
+        Frame of the range sensor, which the base frame is looked for above.
+    wanted
+        False to find the frames only: odometry is not used then.
 
     Raises
     ------
     RecordingError
-        If there is no laser scan, or a named topic is missing, empty or of another type.
+        If a named topic is missing, empty or of another type.
     """
-    scan = recording.topic(scan_topic, LaserScan) if scan_topic else _pick_scan(recording)
-    first = next(iter(recording.measurements([scan])), None)
-    if first is None:
-        raise RecordingError(f"{recording.name}: no message on topic {scan.name} can be decoded")
-    laser_frame: str = first.frame_id
     tree = recording.frames()
-    topic = None if odom_topic == FROM_TF else _odometry_topic(recording, odom_topic)
+    topic = None if odom_topic == FROM_TF else _odometry_topic(recording, odom_topic, say=wanted)
     sample = next(iter(recording.measurements([topic])), None) if topic is not None else None
     if sample is not None:
         # Where a driver leaves the child frame empty, it is the one that /tf moves against the odometry's frame.
-        child = sample.child_frame_id or _child_towards(tree, sample.frame_id, laser_frame) or base_frame
-        child = child or _base_in(tree, laser_frame) or "base_link"
-        base = base_frame or (child if tree.connected(child, laser_frame) else _base_in(tree, laser_frame)) or child
+        child = sample.child_frame_id or _child_towards(tree, sample.frame_id, sensor_frame) or base_frame
+        child = child or _base_in(tree, sensor_frame) or "base_link"
+        base = base_frame or (child if tree.connected(child, sensor_frame) else _base_in(tree, sensor_frame)) or child
         picked = (odom_frame or sample.frame_id or "odom", base, "topic", topic, child)
     else:
-        picked = _from_frames(recording, tree, laser_frame, base_frame, odom_frame)
+        picked = _from_frames(recording, tree, sensor_frame, base_frame, odom_frame)
     odom, base, source, topic, child = picked
-    _say_odometry(recording, source, topic, odom, child, named=odom_topic)
-    return TopicPicks(
-        scan=scan,
-        laser_frame=laser_frame,
-        base_frame=base,
-        odom_frame=odom,
-        odometry=source,
-        odom_topic=topic,
-        odom_child_frame=child,
-    )
+    if not wanted:
+        source, topic = "none", None
+    else:
+        _say_odometry(recording, source, topic, odom, child, named=odom_topic)
+    return OdometryPick(base_frame=base, odom_frame=odom, odometry=source, odom_topic=topic, odom_child_frame=child)
 
 
 def _from_frames(
@@ -104,39 +94,24 @@ def _from_frames(
     return odom or "odom", base or laser_frame, "none", None, base or laser_frame
 
 
-def _pick_scan(recording: Recording) -> Topic:
-    found = [topic for topic in recording.topics(LaserScan) if topic.count != 0]
-    if not found:
-        raise RecordingError(f"{recording.name}: {_no_scan(recording)}")
-    best = min(found, key=lambda topic: (_rank(topic.name, _USUAL_SCANS), "tilt" in topic.name, -(topic.count or 0)))
-    if len(found) > 1:
-        others = ", ".join(topic.name for topic in found if topic != best)
-        recording.log.note(f"scans: {best.name} is used (also there: {others}; choose with --scan-topic)")
-    return best
-
-
-def _no_scan(recording: Recording) -> str:
-    empty = [topic.name for topic in recording.topics(LaserScan)]
-    if empty:
-        return f"topic {empty[0]} is empty, and there is no other sensor_msgs/LaserScan topic"
-    held = ", ".join(
-        f"{topic.name} ({topic.msgtype.replace('/msg/', '/')})" for topic in recording.contents.topics[:12]
-    )
-    return f"no sensor_msgs/LaserScan topic (it has {held or 'no topics at all'})"
-
-
-def _odometry_topic(recording: Recording, named: str | None) -> Topic | None:
-    if named:
-        return recording.topic(named, Odometry)
+def usable_odometry(recording: Recording) -> tuple[Topic, ...]:
+    """Return the nav_msgs/Odometry topics that hold messages and are not named like ground truth, the best first."""
     found = [topic for topic in recording.topics(Odometry) if topic.count != 0]
     usable = [topic for topic in found if not any(word in topic.name.lower() for word in _NOT_ODOMETRY)]
+    return tuple(sorted(usable, key=lambda topic: (name_rank(topic.name, _USUAL_ODOMETRY), -(topic.count or 0))))
+
+
+def _odometry_topic(recording: Recording, named: str | None, *, say: bool) -> Topic | None:
+    if named:
+        return recording.topic(named, Odometry)
+    usable = usable_odometry(recording)
     if not usable:
         return None
-    best = min(usable, key=lambda topic: (_rank(topic.name, _USUAL_ODOMETRY), -(topic.count or 0)))
-    if len(found) > 1:
-        others = ", ".join(topic.name for topic in found if topic != best)
-        recording.log.note(f"odometry: {best.name} is used (also there: {others}; choose with --odom-topic)")
-    return best
+    found = [topic for topic in recording.topics(Odometry) if topic.count != 0]
+    if len(found) > 1 and say:
+        others = ", ".join(topic.name for topic in found if topic != usable[0])
+        recording.log.note(f"odometry: {usable[0].name} is used (also there: {others}; choose with --odom-topic)")
+    return usable[0]
 
 
 def _say_odometry(
@@ -158,12 +133,6 @@ def _say_odometry(
             "no odometry: neither a nav_msgs/Odometry topic nor a moving transform "
             f"{odom} -> {child} on /tf; only the scans tell how the robot moved"
         )
-
-
-def _rank(name: str, usual: Sequence[str]) -> int:
-    """Return how usual a topic name is: its last part's place in `usual`, or behind them."""
-    last = name.rstrip("/").rsplit("/", 1)[-1].lower()
-    return usual.index(last) if last in usual else len(usual)
 
 
 def _base_in(tree: FrameTree, laser_frame: str) -> str | None:

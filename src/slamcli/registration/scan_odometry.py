@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.gmapping.beams import Beams
 from slamcli.grids.tiles import TiledMaps
+from slamcli.registration.beams import Beams
 from slamcli.registration.tile_matching import SurfaceAlignment, surface_aligner
 
 Pose = tuple[float, float, float]

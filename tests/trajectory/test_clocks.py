@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import isotonic_regression
 
 from slamcli.geometry import se2
-from slamcli.gmapping import time_offset
-from slamcli.gmapping.wheel_odometry import WheelOdometry, smooth_stamps
+from slamcli.trajectory import time_offset
+from slamcli.trajectory.wheel_odometry import WheelOdometry, smooth_stamps
 
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND

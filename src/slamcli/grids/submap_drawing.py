@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: MIT
+"""Submaps' probability grids, each at its optimised pose, drawn into one occupancy grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import DataError, EstimationError
+from slamcli.geometry import se2
+from slamcli.grids import _submap_kernels as kernels
+from slamcli.grids.occupancy import OccupancyGrid
+from slamcli.grids.probability_grid import ProbabilityGrid
+
+_MAX_CELLS = 400_000_000
+_MIN_WEIGHT = 0.5
+"""A cell is known if at least half a cell of submaps lies under it."""
+
+
+def draw_submaps(
+    grids: Sequence[ProbabilityGrid],
+    T_map_local: NDArray[np.float64],
+    resolution_m: float,
+    frame_id: str = "map",
+    *,
+    occupied_probability: float = 0.5,
+    free_probability: float = 0.5,
+    margin_cells: int = 20,
+) -> OccupancyGrid:
+    """Return one trinary grid from the submaps of a run.
+
+    Where submaps overlap, the means of their log odds count: each submap is an independent estimate of the same cell
+    (its scans were matched within it), so one submap that was off by a cell does not smear the walls of the others.
+
+    Parameters
+    ----------
+    grids
+        Grids in their trajectory's local frame; those without a known cell add nothing.
+    T_map_local
+        float64 (S, 3), x, y (metres) and yaw of each grid's local frame in the map:
+        ``T_map_submap @ inverse(T_local_submap)``.
+    resolution_m
+        Edge of a cell of the result, metres; not coarser than that of the grids, or thin walls have holes.
+    frame_id
+        Name of the map's frame.
+    occupied_probability, free_probability
+        A cell whose probability is over the first is occupied, under the second free, and unknown between.
+    margin_cells
+        Unknown cells around what is known.
+
+    Raises
+    ------
+    DataError
+        If poses and grids do not fit each other, or the map would be larger than 400 million cells.
+    EstimationError
+        If no grid has a known cell.
+    """
+    poses = np.asarray(T_map_local, dtype=np.float64)
+    if poses.shape != (len(grids), 3) or not np.isfinite(poses).all():
+        raise DataError(f"drawing submaps: poses are {poses.shape} or not finite, not finite ({len(grids)}, 3)")
+    boxes = [_known_corners(grid, pose) for grid, pose in zip(grids, poses, strict=True)]
+    known = [box for box in boxes if box is not None]
+    if not known:
+        raise EstimationError("the map is empty: no submap has a known cell")
+    first = np.floor(np.min([low for low, _ in known], axis=0) / resolution_m).astype(np.int64) - margin_cells
+    end = np.ceil(np.max([high for _, high in known], axis=0) / resolution_m).astype(np.int64) + margin_cells
+    width, height = (int(n) for n in end - first)
+    if width * height > _MAX_CELLS:
+        raise DataError(
+            f"the map would be {width * resolution_m:.0f} x {height * resolution_m:.0f} m in cells of {resolution_m:g} m: "
+            "the submaps' poses are broken, or the resolution is too fine for a place of this size"
+        )
+    corner = first * resolution_m
+    sums, weights = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
+    table = _log_odds_table()
+    for grid, pose, box in zip(grids, poses, boxes, strict=True):
+        if box is not None:
+            (x0, y0), (x1, y1) = (np.asarray(point) / resolution_m - first for point in box)
+            rows = max(math.floor(y0) - 1, 0), min(math.ceil(y1) + 1, height)
+            columns = max(math.floor(x0) - 1, 0), min(math.ceil(x1) + 1, width)
+            window = np.array([rows[0], columns[0], rows[1], columns[1]], np.int64)
+            kernels.add_submap(
+                grid.cells, np.array(grid.origin), grid.resolution_m, table, pose, corner, resolution_m, window, sums, weights
+            )  # fmt: skip
+    cells = _trinary(sums, weights, occupied_probability, free_probability)
+    return OccupancyGrid(cells, resolution_m, (float(corner[0]), float(corner[1]), 0.0), frame_id)
+
+
+def _trinary(
+    sums: NDArray[np.float32], weights: NDArray[np.float32], occupied_probability: float, free_probability: float
+) -> NDArray[np.int8]:
+    known = weights >= _MIN_WEIGHT
+    occupied = known & (sums > weights * np.float32(_log_odds(occupied_probability)))
+    free = known & ~occupied & (sums < weights * np.float32(_log_odds(free_probability)))
+    cells = np.full(sums.shape, OccupancyGrid.UNKNOWN, np.int8)
+    cells[free] = OccupancyGrid.FREE
+    cells[occupied] = OccupancyGrid.OCCUPIED
+    return cells
+
+
+def _log_odds(probability: float) -> float:
+    return math.log(probability / (1.0 - probability))
+
+
+def _log_odds_table() -> NDArray[np.float32]:
+    """Return float32 (32768,), the log odds of each stored correspondence cost; 0 for unknown."""
+    values = np.arange(1, 32768, dtype=np.uint16).reshape(1, -1)
+    probabilities = ProbabilityGrid(values, 1.0, (0.0, 0.0)).probabilities()[0].astype(np.float64)
+    return np.concatenate([[0.0], np.log(probabilities / (1.0 - probabilities))]).astype(np.float32)
+
+
+def _known_corners(
+    grid: ProbabilityGrid, T_map_local: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the least and greatest x, y (metres, map) of a grid's known cells."""
+    known = grid.cells != 0
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if not len(rows):
+        return None
+    x = grid.origin[0] + grid.resolution_m * np.array([columns[0], columns[-1] + 1])
+    y = grid.origin[1] + grid.resolution_m * np.array([rows[0], rows[-1] + 1])
+    corners = se2.transform_points(T_map_local, [[x[i], y[j]] for i in (0, 1) for j in (0, 1)])
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def warm() -> None:
+    """Compile the kernel."""
+    grid = ProbabilityGrid(np.ones((2, 2), np.uint16), 1.0, (0.0, 0.0))
+    draw_submaps([grid], np.zeros((1, 3)), 1.0)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: MIT
+"""What ``slamcli map`` writes: one file for each thing that a result has, the report and the record of the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
+from slamcli.formats.map_modes import Mode
+from slamcli.formats.maps import write_map
+from slamcli.formats.trajectories import write_tum
+from slamcli.mapper import MappingResult
+from slamcli.parameters import Declaration
+from slamcli.pipelines.evaluate import TrajectoryScore
+from slamcli.pipelines.run_record import step_columns, to_json
+from slamcli.pipelines.view_alignment import laid_over
+from slamcli.reports.figures import map_png
+from slamcli.reports.html import report
+from slamcli.runtime import RunLog
+from slamcli.trajectory import Trajectory
+
+RECORDS = ("report.html", "run.json")
+"""What is written last, because it tells of everything else."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What lies in the folder before the records, and what was made for it that the report shows too."""
+
+    names: tuple[str, ...]
+    map_image: bytes
+    """PNG; empty where the result has no grid."""
+    truth: Trajectory | None
+    """True trajectory in the frame of the map."""
+
+
+def write_result(
+    folder: Path, result: MappingResult, *, score: TrajectoryScore | None, map_mode: Mode, log: RunLog
+) -> Written:
+    """Write what the result has into `folder`; what it has not leaves no file."""
+    write_tum(folder / "trajectory.tum", result.trajectory)
+    if result.keyframes is not None:
+        write_tum(folder / "keyframes.tum", result.keyframes)
+    if result.state is not None:
+        write_constraints(folder / "constraints.csv", result.state)
+    if result.loop_searches:
+        write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
+    truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
+    picture = b""
+    if result.grid is not None:
+        write_map(folder / "map.yaml", result.grid, mode=map_mode)
+        picture = map_png(result.grid, trajectory=result.trajectory, truth=truth)
+        (folder / "map.png").write_bytes(picture)
+    return Written(names=tuple(sorted(path.name for path in folder.iterdir())), map_image=picture, truth=truth)
+
+
+def write_records(
+    folder: Path,
+    run: Mapping[str, Any],
+    result: MappingResult,
+    written: Written,
+    *,
+    score: TrajectoryScore | None,
+    declared: Sequence[Declaration],
+) -> dict[str, Any]:
+    """Write ``report.html`` and ``run.json``; return what stands in the latter: the document and the per-step statistics."""
+    page = report(
+        run, map_image=written.map_image, steps=result.steps, trajectory=result.trajectory, truth=written.truth,
+        errors=_errors(score), grid=result.grid, declared=declared,
+        state=result.state, loop_searches=result.loop_searches, cloud=result.cloud,
+    )  # fmt: skip
+    (folder / "report.html").write_text(page, encoding="utf-8")
+    document = {**run, "steps": step_columns(result.steps)}
+    (folder / "run.json").write_text(to_json(document), encoding="utf-8")
+    return document
+
+
+def summarise(result: MappingResult, score: TrajectoryScore | None) -> dict[str, Any]:
+    """Return the figures of a result for ``run.json``: the tier's own, sizes, and scores against ground truth."""
+    summary = dict(result.summary) | {"path_length_m": result.trajectory.length_m, "poses": len(result.trajectory)}
+    if result.grid is not None:
+        grid, area = result.grid, result.grid.resolution_m**2
+        summary |= {
+            "map_width_cells": grid.width,
+            "map_height_cells": grid.height,
+            "free_m2": float((grid.cells == grid.FREE).sum() * area),
+            "occupied_m2": float((grid.cells == grid.OCCUPIED).sum() * area),
+        }
+    return summary if score is None else summary | {"truth": score.figures()}
+
+
+def _errors(score: TrajectoryScore | None) -> dict[str, Any] | None:
+    if score is None or score.ape is None or score.ape_rot is None:
+        return None
+    return {
+        "stamp_ns": score.aligned.stamps_ns[score.ape.indices],
+        "translation_m": score.ape.errors,
+        "rotation_rad": np.radians(score.ape_rot.errors),
+    }

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: MIT
+"""The map with the pose graph over it: a drawing in layers that the reader switches on and off."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.grids import OccupancyGrid
+from slamcli.reports import page
+from slamcli.reports.chart_frame import Frame, axes
+from slamcli.reports.figures import plane, raster
+from slamcli.reports.figures.map import map_layer
+from slamcli.reports.figures.plane import View
+from slamcli.reports.graph_arrays import GraphArrays
+
+WIDTH = 960
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 8, 36
+_MAX_PIXELS = 1200
+_MOST_LINES = 6000
+_LABEL_WIDTH, _LABEL_HEIGHT, _LABELS_AT_ONE = 40, 16, 4
+_FADE = 0.4
+
+RESIDUAL_CLASSES = (
+    (0.05, 0.5, "within 5 cm and 0.5°"),
+    (0.10, 1.0, "within 10 cm and 1°"),
+    (0.25, 2.5, "within 25 cm and 2.5°"),
+    (np.inf, np.inf, "worse"),
+)
+"""Upper bounds in metres and degrees of the classes that loop constraints are coloured by, and their words."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Layer:
+    """What one switch shows and hides."""
+
+    label: str
+    markup: str
+    shown: bool = True
+    key: str = ""
+    """Class of the swatch beside the switch; empty for none."""
+
+
+def residual_classes(residuals_m: NDArray[np.float64], residuals_rad: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the place (C,) in `RESIDUAL_CLASSES` of each pair of residuals: the worse of the two counts."""
+    metres, degrees = np.array([c[:2] for c in RESIDUAL_CLASSES]).T
+    by_metres = np.searchsorted(metres, residuals_m, side="left")
+    by_degrees = np.searchsorted(degrees, np.degrees(residuals_rad), side="left")
+    return np.minimum(np.maximum(by_metres, by_degrees), len(RESIDUAL_CLASSES) - 1).astype(np.int64)
+
+
+def graph_map(graph: GraphArrays, grid: OccupancyGrid | None = None) -> str:
+    """Return the drawing as markup: map, submap outlines, trajectories, nodes, loop constraints and rejected searches.
+
+    Loop constraints run from the node to the place where the robot was in the middle of building the submap. Of rejected searches
+    the best-scored one of each pair of submaps is drawn. At most some thousand lines of a kind are drawn, the worst in any case.
+    """
+    points = np.concatenate([graph.positions_m[:, :2], graph.outlines_m.reshape(-1, 2)])
+    if grid is not None:
+        picture, view = map_layer(grid, points, _MAX_PIXELS)
+    else:
+        view = plane.fit_view(points, _MAX_PIXELS)
+        picture = np.full((0, 0, 3), 255, np.uint8)
+    place = _Place(view)
+    layers = [
+        _Layer("map", _background(picture, place)) if picture.size else None,
+        _outlines(graph, place),
+        _local_slam(graph, place),
+        _trajectories(graph, place),
+        *_closures(graph, place),
+        _rejected(graph, place),
+        _nodes(graph, place),
+    ]
+    return _drawing([layer for layer in layers if layer is not None and layer.markup], place)
+
+
+class _Place:
+    """Metres to units of the drawing."""
+
+    def __init__(self, view: View) -> None:
+        span = view.span_m
+        plot = WIDTH - _LEFT - _RIGHT
+        self.height = _TOP + round(plot * span[1] / span[0]) + _BOTTOM
+        self.frame = Frame(
+            view.left_m, view.left_m + span[0], view.bottom_m, view.bottom_m + span[1],
+            _LEFT, _TOP, WIDTH - _RIGHT, self.height - _BOTTOM,
+        )  # fmt: skip
+
+    def __call__(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.column_stack([self.frame.x(points_m[:, 0]), self.frame.y(points_m[:, 1])])
+
+
+def _background(picture: NDArray[np.uint8], place: _Place) -> str:
+    faded = np.round(255 - (255 - picture.astype(np.float64)) * _FADE).astype(np.uint8)
+    data = base64.b64encode(raster.png(faded)).decode("ascii")
+    f = place.frame
+    box = f'x="{f.left}" y="{f.top}" width="{f.right - f.left}" height="{f.bottom - f.top}"'
+    return f'<image {box} preserveAspectRatio="none" href="data:image/png;base64,{data}"/>'
+
+
+def _outlines(graph: GraphArrays, place: _Place) -> _Layer:
+    parts = []
+    known = np.flatnonzero(np.isfinite(graph.outlines_m).all(axis=(1, 2)))
+    for i in known.tolist():
+        corners = place(graph.outlines_m[i])
+        path = "L".join(f"{x:.1f} {y:.1f}" for x, y in corners)
+        parts.append(f'<path class="outline" d="M{path}Z"><title>submap {escape(graph.submap_names[i])}</title></path>')
+    parts += [
+        f'<text class="name" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="middle">{escape(words)}</text>'
+        for x, y, words in _labels(graph, place, known)
+    ]
+    return _Layer(f"submaps ({len(graph.submap_names):,})", "".join(parts), key="outline")
+
+
+def _labels(graph: GraphArrays, place: _Place, known: NDArray[np.int64]) -> list[tuple[float, float, str]]:
+    """Return places and words of the submaps' labels; those that would lie over each other become one."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    at = place(graph.centres_m[known])
+    for i, (x, y) in zip(known.tolist(), at.tolist(), strict=True):
+        groups.setdefault((round(x / _LABEL_WIDTH), round(y / _LABEL_HEIGHT)), []).append(i)
+    found = []
+    for its in groups.values():
+        x, y = place(graph.centres_m[its[:1]])[0].tolist()
+        words = ", ".join(graph.submap_names[i] for i in its[:_LABELS_AT_ONE])
+        found.append((x, y, words + (" …" if len(its) > _LABELS_AT_ONE else "")))
+    return found
+
+
+def _trajectories(graph: GraphArrays, place: _Place) -> _Layer:
+    parts = []
+    for number, trajectory in enumerate(np.unique(graph.trajectories).tolist()):
+        its = graph.trajectories == trajectory
+        at = _thinned(place(graph.positions_m[its, :2]))
+        parts.append(f'<path class="track t{number % 4}" d="{_polyline(at)}"/>')
+    return _Layer("trajectory" if len(parts) == 1 else f"trajectories ({len(parts)})", "".join(parts), key="track t0")
+
+
+def _local_slam(graph: GraphArrays, place: _Place) -> _Layer:
+    paths = [
+        _polyline(_thinned(place(graph.local_positions_m[graph.trajectories == trajectory, :2])))
+        for trajectory in np.unique(graph.trajectories)
+    ]
+    markup = f'<path class="alone" d="{"".join(paths)}"/>' if paths else ""
+    return _Layer("by local SLAM alone", markup, shown=False, key="alone")
+
+
+def _nodes(graph: GraphArrays, place: _Place) -> _Layer:
+    at = _thinned(place(graph.positions_m[:, :2]))
+    return _Layer(
+        f"nodes ({len(graph.stamps_ns):,})", f'<path class="nodes" d="{_dots(at)}"/>' if len(at) else "", key="nodes"
+    )
+
+
+def _closures(graph: GraphArrays, place: _Place) -> list[_Layer]:
+    """Return one layer per class of residual, the worst last and so on top."""
+    drawn = graph.inter & (graph.constraint_nodes >= 0) & (graph.constraint_submaps >= 0)
+    classes = residual_classes(graph.residuals_m, graph.residuals_rad)
+    layers = []
+    for i, (_, _, words) in enumerate(RESIDUAL_CLASSES):
+        its = np.flatnonzero(drawn & (classes == i))
+        if len(its):
+            lines = _lines(graph, place, graph.constraint_nodes[its], graph.constraint_submaps[its])
+            layers.append(
+                _Layer(
+                    f"loop constraints, {words} ({len(its):,})",
+                    f'<path class="loop r{i}" d="{lines}"/>',
+                    key=f"loop r{i}",
+                )
+            )
+    return layers
+
+
+def _rejected(graph: GraphArrays, place: _Place) -> _Layer:
+    its = np.flatnonzero(~graph.accepted & (graph.search_nodes >= 0) & (graph.search_submaps >= 0))
+    owners = graph.owners[graph.search_nodes[its]]
+    order = its[np.lexsort((its, -graph.scores[its], graph.search_submaps[its], owners))]
+    pairs = np.column_stack([graph.owners[graph.search_nodes[order]], graph.search_submaps[order]])
+    first = np.ones(len(order), dtype=bool)
+    first[1:] = (pairs[1:] != pairs[:-1]).any(axis=1)
+    best = order[first]
+    lines = _lines(graph, place, graph.search_nodes[best], graph.search_submaps[best])
+    label = f"rejected searches ({len(its):,}; the best of each pair of submaps)"
+    return _Layer(label, f'<path class="rejected" d="{lines}"/>' if len(best) else "", shown=False, key="rejected")
+
+
+def _lines(graph: GraphArrays, place: _Place, nodes: NDArray[np.int64], submaps: NDArray[np.int64]) -> str:
+    every = max(1, -(-len(nodes) // _MOST_LINES))
+    ends = np.column_stack([place(graph.positions_m[nodes[::every], :2]), place(graph.centres_m[submaps[::every]])])
+    return "".join(f"M{a:.0f} {b:.0f}L{c:.0f} {d:.0f}" for a, b, c, d in np.unique(np.round(ends), axis=0))
+
+
+def _thinned(at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points that differ from the one before them on the drawing."""
+    at = np.round(at, 1)
+    keep = np.ones(len(at), dtype=bool)
+    keep[1:] = np.abs(np.diff(at, axis=0)).max(axis=1, initial=0.0) >= 0.5
+    return at[keep]
+
+
+def _polyline(at: NDArray[np.float64]) -> str:
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in at) if len(at) else ""
+
+
+def _dots(at: NDArray[np.float64]) -> str:
+    return "".join(f"M{x:.1f} {y:.1f}h0" for x, y in at)
+
+
+def _drawing(layers: list[_Layer], place: _Place) -> str:
+    switches = [
+        (
+            layer.label,
+            layer.shown,
+            f'<svg class="key" viewBox="0 0 22 10"><path class="{layer.key}" d="M2 5h18"/></svg>' if layer.key else "",
+        )
+        for layer in layers
+    ]
+    groups = "".join(f'<g class="l{i}">{layer.markup}</g>' for i, layer in enumerate(layers))
+    drawn = (
+        f'<svg class="graph" viewBox="0 0 {WIDTH} {place.height}" role="img" aria-label="map with pose graph">'
+        f"{axes(place.frame, 'x in m', 'y in m', equal=True)}{groups}</svg>"
+    )
+    return page.layered(switches, page.zoomable(drawn))

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: MIT
+"""Tables and headline figures of a pose graph: the worst loop closures, and why searches were rejected."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from slamcli.posegraph import LoopSearch
+from slamcli.reports import page, scales
+from slamcli.reports.graph_arrays import GraphArrays
+
+_WORST = 20
+
+
+def graph_cards(
+    graph: GraphArrays, searches: Sequence[LoopSearch], summary: Mapping[str, Any]
+) -> list[tuple[str, str, bool]]:
+    """Return the headline figures of a graph: value, what it is, whether it is a warning."""
+    loops = int(graph.inter.sum())
+    facts = [
+        (f"{len(graph.submap_names):,}", "submaps", False),
+        (f"{len(graph.stamps_ns):,}", "nodes", False),
+        (f"{len(graph.inter) - loops:,}", "constraints within submaps", False),
+        (f"{loops:,}", "loop constraints", False),
+    ]
+    if searches:
+        accepted = int(graph.accepted.sum())
+        facts.append((f"{len(searches):,}", "loop searches", False))
+        facts.append((f"{accepted:,} ({100 * accepted / len(searches):.0f} %)", "accepted", False))
+    known = graph.residuals_m[graph.inter & np.isfinite(graph.residuals_m)]
+    if len(known):
+        facts.append((f"{np.median(known) * 100:.1f} cm", "median residual of loop constraints", False))
+    before, after = summary.get("cost_before"), summary.get("cost_after")
+    if isinstance(before, (int, float)) and isinstance(after, (int, float)):
+        facts.append((f"{before:.4g} → {after:.4g}", "cost of the last optimisation", False))
+    return facts
+
+
+def worst_closures(graph: GraphArrays) -> str:
+    """Return the table of the loop constraints that the optimised poses are farthest from."""
+    loops = np.flatnonzero(graph.inter & (graph.constraint_nodes >= 0) & (graph.constraint_submaps >= 0))
+    if not len(loops):
+        return ""
+    scores = {
+        (node, submap): score
+        for node, submap, score, ok in zip(
+            graph.search_nodes.tolist(), graph.search_submaps.tolist(), graph.scores.tolist(), graph.accepted.tolist(),
+            strict=True,
+        )
+        if ok
+    }  # fmt: skip
+    badness = np.maximum(graph.residuals_m[loops] / 0.1, np.degrees(graph.residuals_rad[loops]))
+    began = int(graph.stamps_ns.min())
+    rows = []
+    for c in loops[np.lexsort((loops, -np.nan_to_num(badness)))][:_WORST].tolist():
+        node, submap = int(graph.constraint_nodes[c]), int(graph.constraint_submaps[c])
+        stamp, seen = int(graph.stamps_ns[node]), int(graph.submap_stamps_ns[submap])
+        x, y = graph.positions_m[node, :2].tolist()
+        score = scores.get((node, submap))
+        rows.append((
+            f"{(stamp - began) / 1e9:.1f} s", f"{x:.1f}, {y:.1f}", f"{graph.submap_names[submap]}",
+            "" if seen < 0 else scales.duration(abs(stamp - seen) / 1e9), "" if score is None else f"{score:.3f}",
+            f"{graph.residuals_m[c]:.3f} m", f"{np.degrees(graph.residuals_rad[c]):.2f}°",
+        ))  # fmt: skip
+    columns = ["node at", "place in m", "submap", "time between", "score", "translation residual", "rotation residual"]
+    return page.table(columns, rows, numeric=range(3, 7))
+
+
+def rejections(searches: Sequence[LoopSearch]) -> str:
+    """Return the table of what became of the searches: reasons, how often, and the scores among them."""
+    counts = Counter(search.reason or "rejected" for search in searches if not search.accepted)
+    groups = [("accepted", [s.score for s in searches if s.accepted])]
+    groups += [
+        (reason, [s.score for s in searches if not s.accepted and (s.reason or "rejected") == reason])
+        for reason, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    ]
+    rows = [
+        (what, f"{len(scores):,}", f"{100 * len(scores) / len(searches):.1f} %", *_spread(scores))
+        for what, scores in groups
+        if scores
+    ]
+    columns = ["what became of it", "searches", "share", "median score", "best score"]
+    return page.table(columns, rows, numeric=range(1, 5))
+
+
+def rounds(searches: Sequence[LoopSearch]) -> str:
+    """Return the table of rounds of searching; nothing if there was one."""
+    numbers = sorted({search.round for search in searches})
+    if len(numbers) < 2:
+        return ""
+    rows = []
+    for number in numbers:
+        its = [search for search in searches if search.round == number]
+        rows.append((number, len(its), sum(search.accepted for search in its)))
+    return page.table(["round", "searches", "accepted"], rows, numeric=(0, 1, 2))
+
+
+def _spread(scores: Sequence[float]) -> tuple[str, str]:
+    found = [s for s in scores if s > 0]
+    return (f"{np.median(found):.3f}", f"{max(found):.3f}") if found else ("", "")

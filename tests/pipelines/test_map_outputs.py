@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: MIT
+"""One file for each thing that a result has, and none for what it has not."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from slamcli.formats.trajectories import read_tum
+from slamcli.geometry import se3
+from slamcli.grids import OccupancyGrid
+from slamcli.mapper import MappingResult
+from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
+from slamcli.posegraph import Constraint, Id, LoopSearch, MapState, Node, Submap
+from slamcli.runtime import RunLog
+from slamcli.trajectory import Trajectory
+
+STAMPS = np.arange(3) * 100_000_000
+TRAJECTORY = Trajectory.from_se2(STAMPS, np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0.1]]))
+
+
+def state():
+    nodes = tuple(
+        Node(
+            id=Id(0, k), stamp_ns=int(STAMPS[k]), T_local_node=np.eye(4), T_map_node=se3.from_se2(TRAJECTORY.poses_se2[k]),
+            gravity_alignment_xyzw=np.array([0.0, 0.0, 0.0, 1.0]), points_m=np.zeros((0, 3), dtype=np.float32),
+        )
+        for k in range(3)
+    )  # fmt: skip
+    submap = Submap(id=Id(0, 0), T_local_submap=np.eye(4), T_map_submap=np.eye(4), num_range_data=3, finished=True)
+    constraints = tuple(
+        Constraint(
+            submap=submap.id,
+            node=node.id,
+            T_submap_node=node.T_map_node,
+            translation_weight=1.0,
+            rotation_weight=1.0,
+            kind="intra",
+        )
+        for node in nodes
+    )
+    return MapState(nodes=nodes, submaps=(submap,), constraints=constraints)
+
+
+def written(tmp_path, result):
+    tmp_path.mkdir(exist_ok=True)
+    files = write_result(tmp_path, result, score=None, map_mode="trinary", log=RunLog())
+    run = {"summary": summarise(result, None), "outputs": sorted([*files.names, *RECORDS])}
+    document = write_records(tmp_path, run, result, files, score=None, declared=())
+    saved = json.loads((tmp_path / "run.json").read_text())
+    assert {"steps": {}} | saved == json.loads(json.dumps(document))
+    assert document["outputs"] == sorted(p.name for p in tmp_path.iterdir())
+    return set(document["outputs"]), document
+
+
+def test_a_trajectory_alone(tmp_path):
+    names, document = written(tmp_path, MappingResult(trajectory=TRAJECTORY))
+    assert names == {"trajectory.tum", *RECORDS}
+    assert document["summary"] == {"path_length_m": TRAJECTORY.length_m, "poses": 3}
+
+
+def test_everything_that_a_graph_has(tmp_path):
+    grid = OccupancyGrid(np.zeros((4, 5), dtype=np.int8), 0.5, (0.0, 0.0, 0.0))
+    search = LoopSearch(submap=Id(0, 0), node=Id(0, 2), score=0.3, accepted=False, reason="score")
+    result = MappingResult(
+        trajectory=TRAJECTORY,
+        grid=grid,
+        keyframes=TRAJECTORY,
+        state=state(),
+        loop_searches=(search,),
+        steps={"stamp_ns": STAMPS},
+    )
+    names, document = written(tmp_path / "a", result)
+    assert {
+        "map.yaml",
+        "map.pgm",
+        "map.png",
+        "trajectory.tum",
+        "keyframes.tum",
+        "constraints.csv",
+        "loop_closures.csv",
+        *RECORDS,
+    } <= names
+    np.testing.assert_array_equal(read_tum(tmp_path / "a" / "keyframes.tum").stamps_ns, STAMPS)
+    assert document["summary"]["free_m2"] == pytest.approx(5.0)
+    assert document["steps"] == {"stamp_ns": STAMPS.tolist()}
+    page = (tmp_path / "a" / "report.html").read_text()
+    assert "Pose graph" in page
+    written(tmp_path / "b", result)
+    for name in names:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_a_graph_without_searches_has_no_table_of_them(tmp_path):
+    names, _ = written(tmp_path, MappingResult(trajectory=TRAJECTORY, state=state()))
+    assert "constraints.csv" in names
+    assert "loop_closures.csv" not in names
