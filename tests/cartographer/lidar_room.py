@@ -88,6 +88,8 @@ class Drive:
     speed: float = 2.0
     sway: float = 0.01
     height: float = 0.0
+    rest: float = 1.5
+    ramp: float = 2.0
 
     def __post_init__(self):
         steps = np.linalg.norm(np.diff(self.waypoints, axis=0), axis=1)
@@ -95,14 +97,22 @@ class Drive:
 
     @property
     def duration(self):
-        return self._s[-1] / self.speed
+        return self._s[-1] / self.speed + 2 * self.ramp + self.rest
+
+    def _way(self, t):
+        """Way driven at times t: at rest, then faster evenly, then at the speed, then slower evenly."""
+        driving = self.duration - self.rest - self.ramp
+        t = np.clip(t - self.rest, 0.0, driving + self.ramp)
+        up = np.minimum(t, self.ramp) ** 2 / (2 * self.ramp) + np.maximum(t - self.ramp, 0.0)
+        down = np.maximum(t - driving, 0.0) ** 2 / (2 * self.ramp)
+        return np.clip(self.speed * (up - down), 0.0, self._s[-1])
 
     def positions(self, t):
         """Positions (N, 3), smoothed over 1.5 s so that corners are driven as arcs."""
         out = np.zeros((len(t), 3))
         offsets = np.linspace(-0.75, 0.75, 31)
         for o in offsets:
-            s = np.clip(t + o, 0.0, self.duration) * self.speed
+            s = self._way(np.asarray(t) + o)
             for d in range(2):
                 out[:, d] += np.interp(s, self._s, self.waypoints[:, d]) / len(offsets)
         out[:, 2] = self.height
@@ -112,8 +122,8 @@ class Drive:
         """T_world_base (N, 4, 4) at times t (N,), seconds."""
         t = np.asarray(t, dtype=np.float64)
         e = 0.05
-        ahead = self.positions(np.clip(t, 0.9, self.duration - 0.9) + e)
-        back = self.positions(np.clip(t, 0.9, self.duration - 0.9) - e)
+        moving = np.clip(t, self.rest, self.duration - self.rest)
+        ahead, back = self.positions(moving + e), self.positions(moving - e)
         yaw = np.arctan2(ahead[:, 1] - back[:, 1], ahead[:, 0] - back[:, 0])
         roll, pitch = self.sway * np.sin(2.1 * t), self.sway * np.sin(1.3 * t + 0.4)
         q = quaternion.from_roll_pitch_yaw(roll, pitch, yaw)

@@ -18,15 +18,20 @@ UPDATED = 1 << 15
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _slot(keys, x, y, z):
-    """The slot of the block of a cell, or the free one where it belongs."""
-    key = (((x >> 3) + HALF) & MASK) << 40 | (((y >> 3) + HALF) & MASK) << 20 | (((z >> 3) + HALF) & MASK)
+def _key(x, y, z):
+    """The key of the block of a cell."""
+    return (((x >> 3) + HALF) & MASK) << 40 | (((y >> 3) + HALF) & MASK) << 20 | (((z >> 3) + HALF) & MASK)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _slot(keys, key):
+    """The slot of a block, or the free one where it belongs."""
     mixed = key * 0x9E3779B97F4A7C1
     mask = len(keys) - 1
     slot = (mixed ^ (mixed >> 29)) & mask
     while keys[slot] != -1 and keys[slot] != key:
         slot = (slot + 1) & mask
-    return slot, key
+    return slot
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -54,57 +59,66 @@ def insert_keys(keys, blocks, held):
 
 
 @njit(cache=True, nogil=True)
-def _update(x, y, z, table, keys, blocks, held, cells, used, changed, count):
-    """Update one cell by a table unless this scan has done so; return the blocks in use and the cells changed."""
-    slot, key = _slot(keys, x, y, z)
-    if keys[slot] == -1:
-        keys[slot] = key
-        blocks[slot] = used
-        held[used] = key
-        cells[used] = 0
-        used += 1
-    row, place = blocks[slot], _place(x, y, z)
-    if cells[row, place] < UPDATED:
-        cells[row, place] = table[cells[row, place]]
-        changed[count] = row << 9 | place
-        count += 1
-    return used, count
-
-
-@njit(cache=True, nogil=True)
-def insert_scan(origin, points, resolution, free_voxels, hits, misses, keys, blocks, held, cells, changed, used, count):
+def insert_scan(origin, points, resolution, free_voxels, hits, misses, keys, blocks, held, cells, changed, used, count,
+                num_hits):  # fmt: skip
     """Update the cells of points (N, 3) as hit, then the `free_voxels` cells before each of them as missed.
 
-    Each cell is updated once. Where room for blocks runs out the kernel returns (blocks in use, cells changed, False); called
-    again with more room and these numbers it goes on, for what is updated is marked. Marks are taken off at the end.
+    Each cell is updated once. Returns (blocks in use, cells changed, of them hits or -1, done). Where room for blocks runs out
+    it is not done; called again with more room and these numbers (at first: 0 and -1) it goes on, for what is updated is
+    marked. Marks are taken off at the end.
     """
     n, room = len(points), min(len(held), len(keys) // 2)
-    cell = np.empty((n, 3), np.int64)
+    last_key, row = -1, 0
     for i in range(n):
         if used + 1 > room:
-            return used, count, False
-        for d in range(3):
-            cell[i, d] = _nearest(points[i, d] / resolution)
-        used, count = _update(
-            cell[i, 0], cell[i, 1], cell[i, 2], hits, keys, blocks, held, cells, used, changed, count
-        )  # fmt: skip
+            return used, count, num_hits, False
+        x, y, z = _nearest(points[i, 0] / resolution), _nearest(points[i, 1] / resolution), _nearest(points[i, 2] / resolution)
+        key = _key(x, y, z)
+        if key != last_key:  # neighbours in a scan mostly share their block
+            slot = _slot(keys, key)
+            if keys[slot] == -1:
+                keys[slot], blocks[slot], held[used] = key, used, key
+                cells[used] = 0
+                used += 1
+            last_key, row = key, blocks[slot]
+        place = _place(x, y, z)
+        if cells[row, place] < UPDATED:
+            cells[row, place] = hits[cells[row, place]]
+            changed[count] = row << 9 | place
+            count += 1
     ox, oy, oz = _nearest(origin[0] / resolution), _nearest(origin[1] / resolution), _nearest(origin[2] / resolution)
-    for i in range(n):
+    # Points in the same cell have the same ray of cells: one of each is enough, which is what `changed` begins with.
+    if num_hits < 0:
+        num_hits = count
+    for i in range(num_hits):
         if used + free_voxels > room:
-            return used, count, False
-        dx, dy, dz = cell[i, 0] - ox, cell[i, 1] - oy, cell[i, 2] - oz
+            return used, count, num_hits, False
+        block, place = held[changed[i] >> 9], changed[i] & 511
+        dx = (((block >> 40) - HALF) << 3 | place >> 6) - ox
+        dy = ((((block >> 20) & MASK) - HALF) << 3 | (place >> 3) & 7) - oy
+        dz = (((block & MASK) - HALF) << 3 | place & 7) - oz
         samples = max(abs(dx), abs(dy), abs(dz))
         for position in range(max(0, samples - free_voxels), samples):
             # Integer division rounds toward zero, so that rays of opposite directions are alike.
-            sx = (1 if dx >= 0 else -1) * (abs(dx) * position // samples)
-            sy = (1 if dy >= 0 else -1) * (abs(dy) * position // samples)
-            sz = (1 if dz >= 0 else -1) * (abs(dz) * position // samples)
-            used, count = _update(
-                ox + sx, oy + sy, oz + sz, misses, keys, blocks, held, cells, used, changed, count
-            )  # fmt: skip
+            x = ox + (1 if dx >= 0 else -1) * (abs(dx) * position // samples)
+            y = oy + (1 if dy >= 0 else -1) * (abs(dy) * position // samples)
+            z = oz + (1 if dz >= 0 else -1) * (abs(dz) * position // samples)
+            key = _key(x, y, z)
+            if key != last_key:
+                slot = _slot(keys, key)
+                if keys[slot] == -1:
+                    keys[slot], blocks[slot], held[used] = key, used, key
+                    cells[used] = 0
+                    used += 1
+                last_key, row = key, blocks[slot]
+            place = _place(x, y, z)
+            if cells[row, place] < UPDATED:
+                cells[row, place] = misses[cells[row, place]]
+                changed[count] = row << 9 | place
+                count += 1
     for i in range(count):
         cells[changed[i] >> 9, changed[i] & 511] -= np.uint16(UPDATED)
-    return used, count, True
+    return used, count, num_hits, True
 
 
 @njit(cache=True, nogil=True)
@@ -112,7 +126,8 @@ def set_cells(indices, values, keys, blocks, held, cells, used):
     """Set cells (N, 3) to values; the caller has made room for N new blocks. Returns the blocks in use."""
     for i in range(len(indices)):
         x, y, z = np.int64(indices[i, 0]), np.int64(indices[i, 1]), np.int64(indices[i, 2])
-        slot, key = _slot(keys, x, y, z)
+        key = _key(x, y, z)
+        slot = _slot(keys, key)
         if keys[slot] == -1:
             keys[slot] = key
             blocks[slot] = used
@@ -144,14 +159,14 @@ def values_at(indices, keys, blocks, cells, out):
     """Write the values of cells (N, 3), 0 where unknown."""
     for i in range(len(indices)):
         x, y, z = indices[i, 0], indices[i, 1], indices[i, 2]
-        slot, _ = _slot(keys, x, y, z)
+        slot = _slot(keys, _key(x, y, z))
         out[i] = cells[blocks[slot], _place(x, y, z)] if keys[slot] != -1 else 0
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _probability(x, y, z, keys, blocks, cells):
     """The probability of a cell; 0.1 where unknown."""
-    slot, _ = _slot(keys, x, y, z)
+    slot = _slot(keys, _key(x, y, z))
     if keys[slot] == -1:
         return 0.1
     value = cells[blocks[slot], _place(x, y, z)]

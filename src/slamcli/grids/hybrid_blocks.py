@@ -92,11 +92,12 @@ class HybridBlocks:
             How many cells of the ray before a point are missed; the rest of the ray says nothing.
         """
         changed = np.empty(len(points_m) * (1 + num_free_space_voxels), dtype=np.int64)
-        count, done = 0, False
+        count, num_hits, done = 0, -1, False
         while not done:
-            self._used, count, done = kernels.insert_scan(
+            self._used, count, num_hits, done = kernels.insert_scan(
                 origin_m, points_m, self.resolution_m, num_free_space_voxels, update_table(hit_probability),
                 update_table(miss_probability), self.keys, self.blocks, self._held, self.cells, changed, self._used, count,
+                num_hits,
             )  # fmt: skip
             if not done:
                 self._reserve(self._used + 1 + max(num_free_space_voxels, self._used // 2))
