@@ -39,12 +39,14 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("convert", "{input}", "{out}/copy.bag"),
         ("view", "{input}", "-o", "{out}/picture.png"),
         ("map", "{input}", "-o", "{out}/map", "--set", "particles=2"),
+        ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer"),
         ("evaluate", "{input}:/pose", "{input}:odom>base_link", "--json"),
     ],
     "log": [
         ("convert", "{input}", "{out}/log.mcap"),
         ("info", "{input}", "--json"),
         ("map", "{input}", "-o", "{out}/map", "--set", "particles=2"),
+        ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer"),
     ],
     "map": [
         ("map-tools", "info", "{input}", "--json"),
@@ -62,6 +64,10 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
     "launch": [
         ("config", "check", "{input}", "--json"),
         ("config", "show", "--config", "{input}", "--json"),
+    ],
+    "lua": [
+        ("config", "check", "{input}", "--json"),
+        ("config", "show", "--algo", "cartographer", "--config", "{input}", "--json"),
     ],
     "parameters": [
         ("config", "check", "{input}", "--json"),
@@ -236,6 +242,9 @@ def _configurations(folder: Path) -> list[Input]:
     for name in ("gmapping.launch", "move_base.launch"):
         (folder / name).write_text((CONFIGS / name).read_text())
         inputs.append(Input("launch", folder / name))
+    for name in ("backpack_2d.lua", "trajectory_builder_2d.lua", "taurob_tracker.lua"):
+        (folder / name).write_text((CONFIGS / name).read_text())
+        inputs.append(Input("lua", folder / name))
     (folder / "gmapping.yaml").write_text(
         "slam_gmapping:\n  particles: 30\n  lstep: 0.05\n  base_frame: base_link\n  maxUrange: 20.0\n"
     )

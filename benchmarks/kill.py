@@ -48,6 +48,11 @@ def main() -> int:
                 ["--duration", "5"],
             ),
             "map": ("out", ["map", recording, "-o", "{out}", "--set", "particles=5"], ["--duration", "9"]),
+            "map cartographer": (
+                "out",
+                ["map", recording, "--algo", "cartographer", "-o", "{out}"],
+                ["--duration", "9"],
+            ),
         }
         for label, (target, arguments, variation) in commands.items():
             if not options.only or label.split()[0] in options.only.split(","):
@@ -70,7 +75,7 @@ def check_command(
         begin = time.monotonic()
         run_to_end(folder / name / target, words)
         seconds = time.monotonic() - begin
-    if label == "map":
+    if label.startswith("map"):
         (folder / "old" / target / "mine.txt").write_text("of the user")
     new = contents(folder / "new" / target)
     problems, states = 0, dict.fromkeys(("old", "new", "none", "with temporary files"), 0)

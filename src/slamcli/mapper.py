@@ -128,6 +128,8 @@ class Tier(Protocol):
     """What it can use: of ``scans``, ``points``, ``odometry``, ``imu``, ``fixes`` and ``landmarks``."""
     modes: tuple[str, ...]
     """Ways in which it can run that the user can choose between (``--mode``)."""
+    resumes: bool
+    """Whether it goes on from a saved state (`Setup.state`) and ends with one."""
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
         """Return which sensors to take of those that are offered; `given` are the parameters that the user set, by native name."""

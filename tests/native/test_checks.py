@@ -5,8 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from slamcli.cartographer import CartographerParameters
 from slamcli.native.checks.files import check_file
 from slamcli.native.ros_parameters.declare import row
+from slamcli.parameters import declarations
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 GMAPPING = (
@@ -24,9 +26,11 @@ GMAPPING = (
     row("xmax", 100.0, ""),
 )
 
+TABLES = {"gmapping": GMAPPING, "cartographer": declarations(CartographerParameters)}
+
 
 def findings(path: Path, beams: int | None = None) -> list[tuple[str, int, str]]:
-    return [(f.severity, f.line, f.message) for f in check_file(path, GMAPPING, beams)]
+    return [(f.severity, f.line, f.message) for f in check_file(path, TABLES, beams)]
 
 
 def node(tmp_path: Path, body: str, kind: str = 'pkg="gmapping" type="slam_gmapping"') -> Path:
@@ -167,7 +171,7 @@ def test_map_yaml(tmp_path):
     [
         ("x.launch", "<launch>\n<nod/></launch>", 2, "is not a launch element"),
         ("x.yaml", "a: [1\nb: 2", 2, "not YAML"),
-        ("x.txt", "", 0, "launch files (.launch, .xml) and .yaml are checked"),
+        ("x.txt", "", 0, "launch files (.launch, .xml), .yaml and .lua are checked"),
         ("missing.yaml", None, 0, "no such file"),
     ],
 )
@@ -175,11 +179,10 @@ def test_a_file_that_cannot_be_read_is_one_error(tmp_path, name, content, line, 
     path = tmp_path / name
     if content is not None:
         path.write_text(content)
-    (finding,) = check_file(path, GMAPPING)
+    (finding,) = check_file(path, TABLES)
     assert (finding.severity, finding.file, finding.line) == ("error", str(path), line)
     assert text in finding.message
 
 
 def test_what_no_node_reads_is_said_and_not_guessed():
     assert [s for s, _, _ in findings(CONFIGS / "TUM_RGBD.yaml")] == ["note"]
-    assert [s for s, _, _ in findings(CONFIGS / "backpack_2d.lua")] == ["note"]

@@ -50,7 +50,7 @@ def test_files_win_over_defaults_later_files_over_earlier_and_the_command_line_o
         "base_frame": "--set",
         "tf_delay": f"{launch}:3",
     }
-    assert loaded.scan_topic == "/laser"
+    assert loaded.topics("scans") == ("/laser",)
     assert log.notes == [f"tf_delay ({launch}:3) has no effect here: Only for a live system."]
     rows = {row.declaration.name: row for row in show("gmapping", sets=["particles=30"]).parameters}
     assert (rows["particles"].source, rows["particles"].changed) == ("--set", False)

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 
+from slamcli.formats.g2o import read_g2o
 from slamcli.formats.trajectories import read_tum
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
@@ -86,6 +87,8 @@ def test_everything_that_a_graph_has(tmp_path):
     np.testing.assert_array_equal(read_tum(tmp_path / "a" / "keyframes.tum").stamps_ns, STAMPS)
     assert document["summary"]["free_m2"] == pytest.approx(5.0)
     assert document["steps"] == {"stamp_ns": STAMPS.tolist()}
+    graph = read_g2o(tmp_path / "a" / "graph.g2o")
+    assert (len(graph.ids), len(graph.information)) == (4, 3)
     page = (tmp_path / "a" / "report.html").read_text()
     assert "Pose graph" in page
     written(tmp_path / "b", result)

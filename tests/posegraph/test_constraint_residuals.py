@@ -48,11 +48,13 @@ def test_the_offset_is_told_in_metres_and_radians():
     assert rotation[0] == pytest.approx(0.05)
 
 
-def test_a_planar_submap_sees_no_tilt_and_one_in_space_does():
+def test_the_whole_orientation_counts_in_the_plane_too():
     tilt = quaternion.from_roll_pitch_yaw(0.1, 0.0, 0.0)
     T_submap_node = np.linalg.inv(T_MAP_SUBMAP) @ T_MAP_NODE
-    assert constraint_residuals(state(T_submap_node, tilt=tilt))[1][0] == pytest.approx(0.0, abs=1e-12)
-    assert constraint_residuals(state(T_submap_node, tilt=tilt, planar=False))[1][0] == pytest.approx(0.1)
+    T_tilted = T_submap_node @ se3.from_position_quaternion(np.zeros(3), tilt)
+    for planar in (True, False):
+        assert constraint_residuals(state(T_submap_node, tilt=tilt, planar=planar))[1][0] == pytest.approx(0.1)
+        assert constraint_residuals(state(T_tilted, tilt=tilt, planar=planar))[1][0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_was_trimmed_is_nan_and_nothing_is_empty():

@@ -34,7 +34,6 @@ from slamcli.recordings.adapters import (
     encoder_for,
     landmark_list,
     message_factory,
-    point_cloud2,
 )
 from slamcli.recordings.adapters import image as image_adapter
 from slamcli.recordings.adapters.compressed_image import image_size
@@ -84,6 +83,19 @@ MEASUREMENTS: list[tuple[str, Any]] = [
             frame_id="lidar",
             points_m=np.ones((2, 3), dtype=np.float32),
             offset_ns=np.array([-100_000_000, 0]),
+        ),
+    ),
+    (
+        "sensor_msgs/msg/PointCloud2",
+        PointCloud(
+            stamp_ns=STAMP,
+            frame_id="lidar",
+            points_m=RNG.normal(size=(4, 3)).astype(np.float32),
+            offset_ns=np.array([0, 10, 50_000_000, 99_999_999]),
+            intensities=RNG.random(4).astype(np.float32),
+            rings=np.array([0, 1, 1, 2], dtype=np.uint16),
+            shape=(3, 5),
+            cells=np.array([2, 5, 9, 14]),
         ),
     ),
     ("sensor_msgs/msg/PointCloud2", PointCloud(stamp_ns=STAMP, frame_id="l", points_m=np.zeros((0, 3), np.float32))),
@@ -380,27 +392,28 @@ def test_a_big_endian_cloud_of_doubles() -> None:
     np.testing.assert_array_equal(cloud.points_m, [[1.5, 2.5, 3.5]])
 
 
-@pytest.mark.parametrize(
-    ("times", "expected"),
-    [
-        (np.array([0, 50_000_000, 99_000_000], "u4"), [0, 50_000_000, 99_000_000]),  # Ouster: ns
-        (np.array([0, 50_000, 99_000], "u4"), [0, 50_000_000, 99_000_000]),  # us
-        (np.array([-0.1, -0.05, 0.0], "f4"), [-100_000_000, -50_000_000, 0]),  # Velodyne: s
-        (np.array([0.0, 5e7, 9.9e7], "f4"), [0, 50_000_000, 99_000_000]),  # ns as floats
-        (np.array([0.0, 5e4, 9.9e4], "f8"), [0, 50_000_000, 99_000_000]),  # us as floats
-        (np.array([0, 50_000_000], "u8") + np.uint64(STAMP), [0, 50_000_000]),  # absolute ns
-        (np.array([], "f8"), []),
-    ],
-)
-def test_point_times_in_the_units_that_drivers_write(times: Any, expected: list[int]) -> None:
-    offsets = point_cloud2.offsets_ns(times, STAMP)
-    np.testing.assert_allclose(offsets, expected, atol=5)
-    assert offsets.dtype == np.int64
+def test_points_at_exactly_zero_are_no_returns_and_times_are_cut_with_them() -> None:
+    table = np.zeros(4, dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("timestamp", "<f8")])
+    table["x"], table["timestamp"] = [1, 0, np.nan, 4], STAMP // 10**9 + np.array([0.25, 0.26, 0.27, 0.28])
+    fields = [*XYZ, ("timestamp", 12, 8)]
+    cloud = _decode(_cloud(fields, table.tobytes(), 20, height=2, width=2, row_step=40), _context())
+    np.testing.assert_array_equal(cloud.points_m[:, 0], [1, 4])
+    np.testing.assert_allclose(cloud.offset_ns, np.array([250_000_000, 280_000_000]) - STAMP % 10**9, atol=500)
 
 
-def test_absolute_point_times_in_float_seconds() -> None:
-    times = STAMP / 1e9 + np.array([0.0, 0.05, 0.1])
-    np.testing.assert_allclose(point_cloud2.offsets_ns(times, STAMP), [0, 50_000_000, 100_000_000], atol=500)
+def test_point_times_of_another_clock_are_counted() -> None:
+    table = np.zeros(2, dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("t", "<f8")])
+    table["x"], table["t"] = 1.0, [5321.0, 5321.1]
+    context = _context()
+    cloud = _decode(_cloud([*XYZ, ("t", 12, 8)], table.tobytes(), 20), context)
+    np.testing.assert_allclose(cloud.offset_ns, [0, 100_000_000], atol=10)
+    assert [text.split(": ")[1] for text in context.log.counts] == [
+        "clouds whose point times are of another clock than the stamp"
+    ]
+    table["t"] = [1e18, -1e18]
+    context = _context()
+    assert _decode(_cloud([*XYZ, ("t", 12, 8)], table.tobytes(), 20), context).offset_ns is None
+    assert sum(context.log.counts.values()) == 1
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,9 @@ def _measurement(topic: str, stamp: int) -> Any:
             ranges_m=np.ones(201, np.float32),
         )
     if "points" in topic:
-        return PointCloud(**held, points_m=np.ones((7, 3), np.float32), intensities=np.ones(7, np.float32))
+        heights = 0.0 if "flat" in topic else 1.0
+        points = np.ones((7, 3), np.float32) * np.array([1, 1, heights], np.float32) * np.arange(1, 8)[:, None]
+        return PointCloud(**held, points_m=points.astype(np.float32), intensities=np.ones(7, np.float32))
     if "imu" in topic:
         return ImuSample(**held, angular_rad_s=np.zeros(3), acceleration_m_s2=np.array([0, 0, 9.81]))
     if "odom" in topic:
@@ -103,6 +105,15 @@ def test_which_tiers_can_run(tmp_path: Path) -> None:
     tiers = _tiers(_record(tmp_path / "b.mcap", ("/points", "/imu"), 3))
     assert not tiers["gmapping"][0]
     assert tiers["cartographer"] == (True, "3D", {"points": "/points", "imu": "/imu"})
+
+    tiers = _tiers(_record(tmp_path / "flat.mcap", ("/points_flat", "/imu"), 3))
+    assert tiers["cartographer"] == (True, "2D", {"points": "/points_flat", "imu": "/imu"})
+    tiers = _tiers(_record(tmp_path / "alone.mcap", ("/points", "/os/points_b"), 3))
+    mode = "3D (without an IMU: expect less), one of 2 sensors unless --points-topic names more"
+    assert tiers["cartographer"] == (True, mode, {"points": "/points"})
+    tiers = _tiers(_record(tmp_path / "scans.mcap", ("/rear_scan", "/scan", "/odom_truth"), 3))
+    mode = "2D, scans alone, one of 2 sensors unless --scan-topic names more"
+    assert tiers["cartographer"] == (True, mode, {"scan": "/scan"})
 
     topics = ("/cam/rgb/image", "/cam/rgb/camera_info", "/cam/depth/image", "/cam/depth/camera_info")
     tiers = _tiers(_record(tmp_path / "c.mcap", topics, 3))

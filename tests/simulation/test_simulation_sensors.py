@@ -12,6 +12,7 @@ from slamcli.simulation import Simulation, Walker, World, raycast, resolve_setti
 from slamcli.simulation.drive import TICK_S, Motion
 from slamcli.simulation.imu import GRAVITY_M_S2, inertial
 from slamcli.simulation.odometry import slip_episodes, wheel_poses
+from slamcli.simulation.ride import Ride
 
 ROOM = World(
     "room",
@@ -78,7 +79,7 @@ def test_odometry_errors_have_the_configured_size_whatever_the_rate(rate, speed,
     times = np.arange(int(10 * rate) + 1) / rate
     distances, headings = [], []
     for seed in range(400):
-        poses = wheel_poses(motion, times, np.zeros((0, 2)), p, np.random.default_rng(seed))
+        poses = wheel_poses(Ride(motion, None), times, np.zeros((0, 2)), p, np.random.default_rng(seed))
         forward = np.diff(poses[:, :2], axis=0)
         along = forward[:, 0] * np.cos(poses[:-1, 2]) + forward[:, 1] * np.sin(poses[:-1, 2])
         distances.append(along.sum() - speed * 10)
@@ -92,10 +93,14 @@ def test_odometry_errors_have_the_configured_size_whatever_the_rate(rate, speed,
 def test_systematic_errors():
     p = resolve_settings({**EXACT, "odometry.distance_scale": 1.1, "odometry.turn_scale": 0.9, "odometry.pull": 0.01})
     times = np.arange(101) / 10
-    straight = wheel_poses(constant_motion(1.0, 0.0, 10), times, np.zeros((0, 2)), p, np.random.default_rng(0))
+    straight = wheel_poses(
+        Ride(constant_motion(1.0, 0.0, 10), None), times, np.zeros((0, 2)), p, np.random.default_rng(0)
+    )
     assert np.linalg.norm(np.diff(straight[:, :2], axis=0), axis=1).sum() == pytest.approx(11.0)
     assert straight[-1, 2] == pytest.approx(0.1)
-    turning = wheel_poses(constant_motion(0.0, 0.5, 10), times, np.zeros((0, 2)), p, np.random.default_rng(0))
+    turning = wheel_poses(
+        Ride(constant_motion(0.0, 0.5, 10), None), times, np.zeros((0, 2)), p, np.random.default_rng(0)
+    )
     assert turning[-1, 2] == pytest.approx(4.5)
 
 
@@ -105,7 +110,7 @@ def test_in_a_slip_the_wheels_tell_an_eighth_of_the_turn():
     slips = slip_episodes(motion, p, np.random.default_rng(3))
     assert slips.shape == (2, 2)
     assert slips[1, 0] >= slips[0, 1]
-    poses = wheel_poses(motion, np.arange(201) / 10, slips, p, np.random.default_rng(0))
+    poses = wheel_poses(Ride(motion, None), np.arange(201) / 10, slips, p, np.random.default_rng(0))
     assert poses[-1, 2] == pytest.approx(0.4 * 20 - 2 * 2.0 * 0.4 * 7 / 8, abs=0.4 * 0.2)
 
 
@@ -218,7 +223,7 @@ def test_fan(fov, beams, step):
 def test_imu_at_rest_feels_gravity_and_nothing_else():
     quiet = {"imu.gyro_noise": 0, "imu.accel_noise": 0, "imu.gyro_bias": 0, "imu.accel_bias": 0}
     angular, force = inertial(
-        constant_motion(0, 0, 5), np.arange(500) / 100, resolve_settings(quiet), np.random.default_rng(1)
+        Ride(constant_motion(0, 0, 5), None), np.arange(500) / 100, resolve_settings(quiet), np.random.default_rng(1)
     )
     np.testing.assert_array_equal(angular, 0)
     np.testing.assert_allclose(force, [[0, 0, GRAVITY_M_S2]] * 500)
@@ -234,7 +239,10 @@ def test_imu_on_a_circle_and_its_lever_arm():
         "imu.y": 0.1,
     }
     angular, force = inertial(
-        constant_motion(1.5, 0.8, 5), np.arange(400) / 100, resolve_settings(quiet), np.random.default_rng(1)
+        Ride(constant_motion(1.5, 0.8, 5), None),
+        np.arange(400) / 100,
+        resolve_settings(quiet),
+        np.random.default_rng(1),
     )
     np.testing.assert_allclose(angular, [[0, 0, 0.8]] * 400)
     np.testing.assert_allclose(force, [[-0.64 * 0.3, 1.5 * 0.8 - 0.64 * 0.1, GRAVITY_M_S2]] * 400, atol=1e-12)
@@ -243,7 +251,7 @@ def test_imu_on_a_circle_and_its_lever_arm():
 def test_imu_noise_and_bias_have_the_configured_size():
     p = resolve_settings({"imu.gyro_noise": 0.01, "imu.accel_noise": 0.05, "imu.gyro_bias": 0.2, "imu.accel_bias": 0.5})
     times = np.arange(2000) / 100
-    runs = [inertial(constant_motion(0, 0, 20), times, p, np.random.default_rng(s)) for s in range(60)]
+    runs = [inertial(Ride(constant_motion(0, 0, 20), None), times, p, np.random.default_rng(s)) for s in range(60)]
     assert np.mean([a.std(axis=0) for a, _ in runs]) == pytest.approx(0.01 * 10, rel=0.02)
     assert np.mean([f.std(axis=0) for _, f in runs]) == pytest.approx(0.05 * 10, rel=0.02)
     assert np.std([a.mean(axis=0) for a, _ in runs]) == pytest.approx(0.2, rel=0.2)

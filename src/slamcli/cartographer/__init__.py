@@ -19,6 +19,7 @@ class CartographerTier:
     parameters: type = CartographerParameters
     roles = ROLES
     modes = MODES
+    resumes = True
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
         """Return which sensors to take of those that are offered."""

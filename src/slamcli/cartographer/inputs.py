@@ -26,10 +26,10 @@ def plan_inputs(
     """
     asked = int(offer.mode[0]) if offer.mode else parameters.map_builder.dimensions
     dimensions = asked or (3 if offer.spatial else 2)
-    num_scans, num_echoes, num_clouds = _range_sensors(parameters, offer, dimensions, log)
-    options = parameters.options
     if asked is None and (dimensions == 3 or offer.num_point_clouds):
         log.note(f"mapping in {dimensions}D, as the recording's range sensors are (choose with --mode 2d or 3d)")
+    num_scans, num_echoes, num_clouds = _range_sensors(parameters, offer, dimensions, log)
+    options = parameters.options
     taken = {
         "odometry": _taken("odometry", options.use_odometry, "use_odometry", offer, log),
         "imu": _taken("imu", _imu_asked(parameters, given, dimensions), _IMU_2D, offer, log),

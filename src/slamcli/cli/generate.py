@@ -12,6 +12,8 @@ from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, seed_option, verbosity_options
 from slamcli.errors import UsageError
 
+_SENSORS = {"/scan": "scans", "/points": "clouds"}
+
 
 def _list_worlds(ctx: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:
@@ -42,6 +44,7 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="A setting (see --list-settings).")
 @click.option("--people", type=click.IntRange(min=0), help="How many people walk about (people.count).")
 @click.option("--imu/--no-imu", default=None, help="Record an IMU (imu.enabled).")
+@click.option("--lidar3d/--no-lidar3d", default=None, help="Record a spinning scanner (lidar3d.enabled).")
 @click.option("--truth", type=click.Path(), metavar="FILE", help="Write the true pose at every scan (TUM).")
 @click.option("--map-out", "map_path", type=click.Path(), metavar="FILE", help="Write the true map (map.yaml, .pgm).")
 @click.option("--format", "container", metavar="FORMAT", help="Container, where OUT's suffix does not say it.")
@@ -52,7 +55,7 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @verbosity_options
 def command(
     world: str, out: str, seed: int, duration_s: float | None, start: str | None, assignments: tuple[str, ...],
-    people: int | None, imu: bool | None, truth: str | None, map_path: str | None, container: str | None,
+    people: int | None, imu: bool | None, lidar3d: bool | None, truth: str | None, map_path: str | None, container: str | None,
     compression: str | None, as_json: bool, verbosity: int,
 ) -> int:  # fmt: skip
     """Simulate a robot in WORLD and write its recording, with ground truth, to OUT.
@@ -74,6 +77,8 @@ def command(
         settings["people.count"] = people
     if imu is not None:
         settings["imu.enabled"] = imu
+    if lidar3d is not None:
+        settings["lidar3d.enabled"] = lidar3d
     with Console(verbosity) as console:
         log = RunLog(console)
         made = generate(
@@ -85,8 +90,9 @@ def command(
         print_json(_document(made))
     else:
         written = [str(p) for p in (made.path, made.truth, made.map) if p is not None]
+        told = [f"{made.messages[topic]} {what}" for topic, what in _SENSORS.items() if topic in made.messages]
         console.say(
-            f"{made.world}: {made.duration_s:.1f} s, {made.length_m:.1f} m, {made.messages.get('/scan', 0)} scans, seed "
+            f"{made.world}: {made.duration_s:.1f} s, {made.length_m:.1f} m, {', '.join(told)}, seed "
             f"{made.seed} -> {', '.join(written)} ({made.speed:.0f} x real time)"
         )
     return 0

@@ -20,9 +20,12 @@ if TYPE_CHECKING:
     from slamcli.pipelines.map import MapOutcome
     from slamcli.recordings import Mends
 
+_FILES = ("load_states", "load_frozen_states")
+"""Options that name an input, as BAG does: without its folder in the recorded command."""
+
 
 @click.command()
-@click.argument("bag", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("bag", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--algo", default="gmapping", show_default=True, help="SLAM system (an installed `slamcli.mappers` entry point)."
 )
@@ -37,7 +40,7 @@ if TYPE_CHECKING:
     "config_files",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Native file of the system (launch, YAML); later wins.",
+    help="Native file of the system (launch, YAML, Lua); later wins.",
 )
 @click.option(
     "--set",
@@ -74,6 +77,18 @@ if TYPE_CHECKING:
 @click.option(
     "--mode", metavar="MODE", help="How the system runs, where it can run in several ways: 2d or 3d (cartographer)."
 )
+@click.option(
+    "--load-state", "load_states", multiple=True, metavar="FILE", type=click.Path(path_type=Path),
+    help="Go on from a state (.pbstream, cartographer); several are joined. Without BAG: its map and trajectory.",
+)  # fmt: skip
+@click.option(
+    "--load-frozen-state", "load_frozen_states", multiple=True, metavar="FILE", type=click.Path(path_type=Path),
+    help="The same, and it stays as it is: to localise in its map.",
+)  # fmt: skip
+@click.option(
+    "--save-state", metavar="FILE", type=click.Path(path_type=Path),
+    help="Where the state goes besides state.pbstream in the folder.",
+)  # fmt: skip
 @click.option("--base-frame", help="Frame of the robot.")
 @click.option("--odom-frame", help="Frame of the odometry.")
 @click.option("--map-frame", help="Name of the map's frame.")
@@ -109,6 +124,8 @@ def command(
     slamcli map --algo gmapping intel.mcap -o intel
     slamcli map robot.bag --config gmapping.launch --set particles=50 --seed 3
     slamcli map run.db3 --scan-topic /front/scan --start 30 --duration 120
+    slamcli map --algo cartographer second.mcap --load-state first/state.pbstream
+    slamcli map --algo cartographer --load-state state.pbstream -o drawn
 
     The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan), map.png, report.html and run.json.
     """  # noqa: D301 - click needs the backspace itself
@@ -169,13 +186,18 @@ def _command_line(bag: tuple[Path, ...], arguments: dict[str, str], options: dic
     names = {
         "config_files": "--config", "sets": "--set", "start_s": "--start", "duration_s": "--duration",
         "scan_topics": "--scan-topic", "points_topics": "--points-topic",
+        "load_states": "--load-state", "load_frozen_states": "--load-frozen-state",
     }  # fmt: skip
     for key, value in options.items():
-        if key in ("algo", "seed", "output") or value in (None, ()) or (key == "map_mode" and value == "trinary"):
+        if (
+            key in ("algo", "seed", "output", "save_state")
+            or value in (None, ())
+            or (key == "map_mode" and value == "trinary")
+        ):
             continue
         flag = names.get(key, f"--{key.replace('_', '-')}")
         for item in value if isinstance(value, tuple) else (value,):
-            words += [flag, str(item)]
+            words += [flag, item.name if isinstance(item, Path) and key in _FILES else str(item)]
     for name, value in arguments.items():
         words += ["--arg", f"{name}={value}"]
     return shlex.join(words)

@@ -15,15 +15,21 @@ from slamcli.cli.options import json_option, verbosity_options
 # Modules under slamcli with a `warm()` that calls each of their kernels on tiny input.
 ROOMS = (
     "grids.distance",
+    "grids.probability_grid",
     "grids.submap_drawing",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "posegraph.imu_integration",
     "posegraph.planar_covariances",
+    "posegraph.spatial",
+    "registration.branch_and_bound",
+    "registration.grid_matching",
     "registration.tile_matching",
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
+    "simulation.space",
 )
 
 

@@ -13,7 +13,7 @@ from slamcli.errors import DataError
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PointCloud:
-    """Points in the sensor's frame; `offset_ns` and `intensities` have one entry per point, filtered together with them."""
+    """Points in the sensor's frame; what has one entry per point is filtered together with them."""
 
     stamp_ns: int
     frame_id: str
@@ -23,14 +23,22 @@ class PointCloud:
     """int64 (N,), when each point was measured, after `stamp_ns`, or None."""
     intensities: NDArray[np.float32] | None = None
     """float32 (N,) or None."""
+    rings: NDArray[np.uint16] | None = None
+    """uint16 (N,), which beam of the sensor measured each point, or None."""
+    shape: tuple[int, int] | None = None
+    """Rows and columns of an organised cloud, or None."""
+    cells: NDArray[np.int64] | None = None
+    """int64 (N,), row * columns + column of each point in an organised cloud; all other cells are empty. None without `shape`."""
     topic: str = ""
 
     def __post_init__(self) -> None:
         if self.points_m.ndim != 2 or self.points_m.shape[1] != 3:
             raise DataError(f"point cloud at {self.stamp_ns} ns: points have shape {self.points_m.shape}, not (N, 3)")
-        for name in ("offset_ns", "intensities"):
+        for name in ("offset_ns", "intensities", "rings", "cells"):
             values = getattr(self, name)
             if values is not None and values.shape != (len(self.points_m),):
                 raise DataError(
                     f"point cloud at {self.stamp_ns} ns: {name} has shape {values.shape} for {len(self.points_m)} points"
                 )
+        if (self.shape is None) != (self.cells is None):
+            raise DataError(f"point cloud at {self.stamp_ns} ns: `shape` and `cells` go together")

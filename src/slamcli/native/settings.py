@@ -13,6 +13,8 @@ from slamcli.errors import ConfigError
 MAX_FILE_BYTES = 1_000_000
 """Configuration files are small; a larger one is something else, or an attack."""
 
+_PACKAGE = Path(__file__).resolve().parents[1]
+
 
 @dataclass(frozen=True, slots=True)
 class Setting:
@@ -29,6 +31,21 @@ class Setting:
     def source(self) -> str:
         """Where it stands: ``file:line``, or what stands for a file that has no lines (``--set``)."""
         return f"{self.file}:{self.line}" if self.line else self.file
+
+
+def shipped_folders() -> tuple[Path, ...]:
+    """Return where slamcli's own native files are: ``configs`` of the source tree, inside the package if installed."""
+    folders = (_PACKAGE / "_data" / "configs", _PACKAGE.parents[1] / "configs")
+    return tuple(folder for folder in folders if folder.is_dir())
+
+
+def find_native(path: Path) -> Path:
+    """Return a native file: the one that is there, else slamcli's own of that name; `path` itself if there is none."""
+    if path.name == str(path) and not path.exists():
+        for folder in shipped_folders():
+            if (folder / path).is_file():
+                return folder / path
+    return path
 
 
 def merge(settings: Iterable[Setting]) -> Mapping[str, Setting]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,17 +11,32 @@ from typing import Any
 
 from slamcli.errors import ConfigError
 from slamcli.mapper import find_tier
-from slamcli.native import Setting, merge, read_launch, read_ros_yaml
+from slamcli.native import Setting, merge
 from slamcli.native.checks import Finding
 from slamcli.native.checks.files import check_file
-from slamcli.native.settings import read_text
-from slamcli.parameters import Declaration, convert, declarations, resolve, unknown_name
+from slamcli.native.settings import find_native, read_text
+from slamcli.parameters import Declaration, as_dict, convert, declarations, resolve, unknown_name
+from slamcli.pipelines.native_files import read_native
 from slamcli.runtime import RunLog
 
 FROM_COMMAND_LINE = "--set"
 
-# Nodes of a launch file that a tier stands for, by their type.
-_NODES = {"gmapping": ("slam_gmapping",)}
+# What nodes call the topics of a role; of several the names end in _1, _2 ...
+_TOPICS = {
+    "scans": ("scan", "echoes"),
+    "points": ("points2",),
+    "odometry": ("odom",),
+    "imu": ("imu",),
+    "fixes": ("fix",),
+    "landmarks": ("landmark",),
+}
+# What switches a role off: naming its topic in a launch file does not switch it on.
+_SWITCHES = {
+    "odometry": "use_odometry",
+    "imu": "TRAJECTORY_BUILDER_2D.use_imu_data",
+    "fixes": "use_nav_sat",
+    "landmarks": "use_landmarks",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,10 +51,16 @@ class NativeConfig:
     remaps: Mapping[str, str]
     """Topics as the files remap them: ``{"scan": "/base_scan"}``."""
 
-    @property
-    def scan_topic(self) -> str | None:
-        """The topic that the files name for the scans; None if they name none."""
-        return self.remaps.get("scan")
+    def topics(self, role: str) -> tuple[str, ...]:
+        """Return the topics that the files name for a role (see `slamcli.mapper.Tier.roles`) that is in use."""
+        if as_dict(self.parameters).get(_SWITCHES.get(role, "")) is False:
+            return ()
+        return tuple(
+            topic
+            for name in _TOPICS[role]
+            for remapped, topic in sorted(self.remaps.items(), key=lambda item: (len(item[0]), item[0]))
+            if remapped == name or re.fullmatch(rf"{name}_[0-9]+", remapped)
+        )
 
 
 def load_native(
@@ -55,7 +77,8 @@ def load_native(
     algo
         Name of the tier.
     files
-        Native files of the system: for gmapping launch files (``.launch``, ``.xml``) and ROS parameter YAML.
+        Native files of the system: launch files (``.launch``, ``.xml``) of each; ROS parameter YAML for gmapping; Lua
+        for cartographer. A bare name that is not here means slamcli's own file of that name.
     sets
         ``KEY=VALUE`` with native keys.
     log
@@ -77,13 +100,14 @@ def load_native(
     settings: list[Setting] = []
     remaps: dict[str, str] = {}
     for file in files:
-        found, topics = _read(algo, Path(file), log, arguments or {})
-        settings.extend(found)
-        remaps.update(topics)
+        found = read_native(algo, find_native(Path(file)), log, arguments or {}, known)
+        settings.extend(found.settings)
+        remaps.update(found.remaps)
     settings.extend(parse_set(text) for text in sets)
     merged = merge(settings)
     for setting in merged.values():
-        _check(setting, known, log)
+        _check(setting, known)
+    _tell_what_has_no_effect(merged.values(), known, log)
     parameters: Any = resolve(tier.parameters, {name: setting.value for name, setting in merged.items()})
     sources = {name: setting.source for name, setting in merged.items()}
     return NativeConfig(algo=algo, parameters=parameters, sources=sources, remaps=remaps)
@@ -97,45 +121,11 @@ def check(files: Iterable[Path], beams: int | None = None) -> tuple[Finding, ...
     ConfigError
         If a file does not exist or is not text.
     """
-    table = declarations(find_tier("gmapping").parameters)
-    files = [Path(file) for file in files]
+    tables = {algo: declarations(find_tier(algo).parameters) for algo in ("gmapping", "cartographer")}
+    files = [find_native(Path(file)) for file in files]
     for file in files:
         read_text(file)  # what cannot be read at all is wrong usage, not a finding
-    return tuple(finding for file in files for finding in check_file(file, table, beams))
-
-
-def _read(
-    algo: str, path: Path, log: RunLog, arguments: Mapping[str, str]
-) -> tuple[tuple[Setting, ...], Mapping[str, str]]:
-    suffix = path.suffix.lower()
-    if suffix in (".launch", ".xml"):
-        return _read_launch(algo, path, log, arguments)
-    if suffix in (".yaml", ".yml"):
-        return tuple(_own(setting, algo) for setting in read_ros_yaml(path)), {}
-    raise ConfigError(f"{path}: {algo} reads launch files (.launch, .xml) and parameter files (.yaml)")
-
-
-def _read_launch(
-    algo: str, path: Path, log: RunLog, arguments: Mapping[str, str]
-) -> tuple[tuple[Setting, ...], Mapping[str, str]]:
-    launch = read_launch(path, arguments)
-    for note in launch.notes:
-        log.note(note)
-    nodes = [node for node in launch.nodes if node.type in _NODES.get(algo, (algo,))]
-    if not nodes:
-        there = ", ".join(f"{node.package}/{node.type}" for node in launch.nodes) or "none"
-        raise ConfigError(f"{path}: starts no node of {algo} (nodes: {there})")
-    if len(nodes) > 1:
-        log.warn(f"{path}: starts {len(nodes)} nodes of {algo}: {nodes[0].name} at line {nodes[0].line} is taken")
-    return tuple(nodes[0].params.values()), {name.strip("/"): topic for name, topic in nodes[0].remaps.items()}
-
-
-def _own(setting: Setting, algo: str) -> Setting:
-    """Strip the node's name that a YAML file may put before its parameters."""
-    parts = setting.name.split("/")
-    while len(parts) > 1 and parts[0] in (*_NODES.get(algo, ()), algo, "ros__parameters"):
-        parts = parts[1:]
-    return Setting("/".join(parts), setting.value, setting.file, setting.line)
+    return tuple(finding for file in files for finding in check_file(file, tables, beams))
 
 
 def parse_set(text: str) -> Setting:
@@ -146,13 +136,25 @@ def parse_set(text: str) -> Setting:
     return Setting(name.strip(), value.strip(), FROM_COMMAND_LINE, 0)
 
 
-def _check(setting: Setting, known: Mapping[str, Declaration], log: RunLog) -> None:
+def _check(setting: Setting, known: Mapping[str, Declaration]) -> None:
     if setting.name not in known:
         raise ConfigError(unknown_name(setting.name, known, setting.source))
-    entry = known[setting.name]
     try:
-        convert(entry, setting.value)
+        convert(known[setting.name], setting.value)
     except ConfigError as error:
         raise ConfigError(f"{setting.source}: {error}") from error
-    if not entry.effective:
-        log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")
+
+
+def _tell_what_has_no_effect(settings: Iterable[Setting], known: Mapping[str, Declaration], log: RunLog) -> None:
+    """Note what was given in vain; Lua files set everything, so of theirs only what differs from the default."""
+    brief: dict[str, list[str]] = {}
+    for setting in settings:
+        entry = known[setting.name]
+        if entry.effective:
+            continue
+        if Path(setting.file).suffix != ".lua":
+            log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")
+        elif convert(entry, setting.value) != entry.default:
+            brief.setdefault(setting.file, []).append(setting.name)
+    for file, names in brief.items():
+        log.note(f"{file}: no effect here: {', '.join(names)} (`slamcli config show` says why)")

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from slamcli.errors import CalibrationError
+from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.map_modes import Mode
+from slamcli.formats.pbstream import write_state
 from slamcli.mapper import MappingResult, Setup, find_tier
 from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations
@@ -20,7 +21,9 @@ from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
 from slamcli.pipelines.run_record import describe_inputs, run_document
+from slamcli.pipelines.saved_state import check_resumes, load_states, result_of
 from slamcli.pipelines.trajectories import load_trajectory
+from slamcli.posegraph import MapState
 from slamcli.recordings import Mends, Recording, open_recording
 from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.runtime import RunLog
@@ -59,8 +62,19 @@ class MapRequest:
     truth: str | None = None
     """True trajectory to score against: a file, or a topic of a recording."""
     mends: Mends = field(default_factory=Mends)
+    load_states: Sequence[Path] = ()
+    """Saved states to go on from; without a recording, what to draw."""
+    load_frozen_states: Sequence[Path] = ()
+    """Saved states that must not change: to localise in."""
+    save_state: Path | None = None
+    """Where else the state goes; it always lies in the folder, as ``state.pbstream``."""
     command: str = ""
     """The command line that asks for this, for ``run.json``."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Everything that is read: the recording and the states."""
+        return (*self.inputs, *self.load_states, *self.load_frozen_states)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,39 +96,88 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         If the recording, a parameter or an option is wrong; nothing is written then.
     """
     began = time.perf_counter()
+    if not request.files:
+        raise UsageError("nothing to map: name a recording, or a state with --load-state")
+    states = bool(request.load_states or request.load_frozen_states)
+    check_resumes(request.algo, loads=states, saves=request.save_state is not None)
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
-    output = request.output or default_output(request.inputs)
+    output = request.output or default_output(request.files)
     check_directory(output)
     reference = None if request.truth is None else load_trajectory(request.truth, log=log)
     with ThreadPoolExecutor(1) as background:
-        digests = (
-            background.submit(describe_inputs, request.inputs) if all(p.exists() for p in request.inputs) else None
-        )
-        with open_recording(request.inputs, mends=request.mends, log=log) as recording:
-            _check_frame(request.base_frame, recording)
-            tier = find_tier(request.algo)
-            feed = feed_sensors(
-                recording, tier, config.parameters, config.sources, _names(request, config), log,
-                mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
-            )  # fmt: skip
-            mapper = tier.build(feed.plan.parameters, _setup(request, feed, log))
-            with log.stage("read"):
-                for measurement in feed.measurements():
-                    mapper.process(measurement)
-            duration_s = feed.length_s
-        result = mapper.finish()
+        digests = background.submit(describe_inputs, request.files) if all(p.exists() for p in request.files) else None
+        state = load_states(request.load_states, request.load_frozen_states, log)
+        if request.inputs or state is None:
+            run = _from_recording(request, config, state, log)
+        else:
+            run = _from_state(request, config, state, log)
         inputs = digests.result() if digests is not None else []
+    result = run.result
     score = None if reference is None else score_trajectory(result.trajectory, reference, log=log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
             written = write_result(folder, result, score=score, map_mode=request.map_mode, log=log)
-        run = run_document(
-            command=request.command, algo=request.algo, parameters=as_dict(feed.plan.parameters), changed=_changed(config), seed=request.seed,
-            jobs=request.jobs, inputs=inputs, topics=feed.topics, frames=feed.frames, log=log, total_s=time.perf_counter() - began,
-            duration_s=duration_s, summary=summarise(result, score), outputs=(*written.names, *RECORDS),
+        document = run_document(
+            command=request.command, algo=request.algo, parameters=as_dict(run.parameters), changed=_changed(config), seed=request.seed,
+            jobs=request.jobs, inputs=inputs, topics=run.topics, frames=run.frames, log=log, total_s=time.perf_counter() - began,
+            duration_s=run.duration_s, summary=summarise(result, score), outputs=(*written.names, *RECORDS),
         )  # fmt: skip
-        run = write_records(folder, run, result, written, score=score, declared=declarations(type(config.parameters)))
-    return MapOutcome(output=output, result=result, run=run)
+        declared = declarations(type(config.parameters))
+        document = write_records(folder, document, result, written, score=score, declared=declared)
+    if request.save_state is not None and result.state is not None:
+        write_state(request.save_state, result.state)
+    return MapOutcome(output=output, result=result, run=document)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """A result and what ``run.json`` says of where it is from."""
+
+    result: MappingResult
+    parameters: Any
+    topics: Mapping[str, Any]
+    frames: Mapping[str, Any]
+    duration_s: float
+
+
+def _from_recording(request: MapRequest, config: NativeConfig, state: MapState | None, log: RunLog) -> _Run:
+    """Map the recording, from the state on if there is one."""
+    with open_recording(request.inputs, mends=request.mends, log=log) as recording:
+        _check_frame(request.base_frame, recording)
+        tier = find_tier(request.algo)
+        feed = feed_sensors(
+            recording, tier, config.parameters, config.sources, _names(request, config, recording), log,
+            mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
+        )  # fmt: skip
+        mapper = tier.build(feed.plan.parameters, _setup(request, feed, state, log))
+        with log.stage("read"):
+            for measurement in feed.measurements():
+                mapper.process(measurement)
+        duration_s = feed.length_s
+    result = mapper.finish()
+    return _Run(
+        result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=duration_s
+    )
+
+
+def _from_state(request: MapRequest, config: NativeConfig, state: MapState, log: RunLog) -> _Run:
+    """Take map and trajectory out of the state; there is no recording.
+
+    Raises
+    ------
+    UsageError
+        If an option asks for a part of a recording.
+    """
+    for option, value in (("--start", request.start_s), ("--duration", request.duration_s), ("--mode", request.mode)):
+        if value is not None:
+            raise UsageError(f"{option} is for a recording, and none was named")
+    frames = {"map": request.map_frame or "map", "base": request.base_frame or "base_link"}
+    result = result_of(state, map_frame=frames["map"], base_frame=frames["base"], log=log)
+    stamps = result.trajectory.stamps_ns
+    return _Run(
+        result=result, parameters=config.parameters, topics={}, frames=frames,
+        duration_s=float(stamps.max() - stamps.min()) / 1e9,
+    )  # fmt: skip
 
 
 def default_output(inputs: Sequence[Path]) -> Path:
@@ -126,16 +189,23 @@ def default_output(inputs: Sequence[Path]) -> Path:
     return first.parent / f"{name}-maps"
 
 
-def _names(request: MapRequest, config: NativeConfig) -> TopicNames:
-    """Return the topics and frames that the user names: flags before native files."""
-    scans = request.scan_topics or (() if config.scan_topic is None else (config.scan_topic,))
+def _names(request: MapRequest, config: NativeConfig, recording: Recording) -> TopicNames:
+    """Return the topics and frames that are named: by flags, else by native files.
+
+    A scanner's topic that a launch file names must be there; other sensors' topics are taken if the recording has them.
+    """
+    recorded = {topic.name.lstrip("/") for topic in recording.contents.topics}
+
+    def remapped(role: str) -> str | None:
+        return next((name for name in config.topics(role) if name.lstrip("/") in recorded), None)
+
     return TopicNames(
-        scans=tuple(scans),
-        points=tuple(request.points_topics),
-        odometry=request.odom_topic,
-        imu=request.imu_topic,
-        fixes=request.fix_topic,
-        landmarks=request.landmark_topic,
+        scans=tuple(request.scan_topics) or config.topics("scans"),
+        points=tuple(request.points_topics) or config.topics("points"),
+        odometry=request.odom_topic or remapped("odometry"),
+        imu=request.imu_topic or remapped("imu"),
+        fixes=request.fix_topic or remapped("fixes"),
+        landmarks=request.landmark_topic or remapped("landmarks"),
         base_frame=request.base_frame,
         odom_frame=request.odom_frame,
     )
@@ -154,7 +224,7 @@ def _check_frame(name: str | None, recording: Recording) -> None:
         raise CalibrationError(f"--base-frame {name}: {recording.name} has no such frame; it has {', '.join(known)}")
 
 
-def _setup(request: MapRequest, feed: SensorFeed, log: RunLog) -> Setup:
+def _setup(request: MapRequest, feed: SensorFeed, state: MapState | None, log: RunLog) -> Setup:
     return Setup(
         T_base_laser=feed.T_base_laser,
         T_base_sensor=feed.T_base_sensor,
@@ -162,6 +232,7 @@ def _setup(request: MapRequest, feed: SensorFeed, log: RunLog) -> Setup:
         base_frame=feed.base_frame,
         seed=request.seed,
         jobs=request.jobs,
+        state=state,
         no_return=request.mends.no_return,
         log=log,
     )

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
+from slamcli.formats.g2o import graph_of_state, write_g2o
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
+from slamcli.formats.pbstream import write_state
 from slamcli.formats.trajectories import write_tum
 from slamcli.mapper import MappingResult
 from slamcli.parameters import Declaration
@@ -48,6 +50,8 @@ def write_result(
         write_tum(folder / "keyframes.tum", result.keyframes)
     if result.state is not None:
         write_constraints(folder / "constraints.csv", result.state)
+        write_state(folder / "state.pbstream", result.state)
+        write_g2o(folder / "graph.g2o", graph_of_state(result.state))
     if result.loop_searches:
         write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
     truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]

@@ -26,7 +26,7 @@ from slamcli.recordings.scan_normalisation import (
     most_frequent_fan,
     turn_counter_clockwise,
 )
-from slamcli.recordings.sensor_picks import SensorPicks, TopicNames, offered_sensors, pick_sensors
+from slamcli.recordings.sensor_picks import ROLES, SensorPicks, TopicNames, offered_sensors, pick_sensors
 from slamcli.runtime import RunLog
 
 _SENSORS = {"imu": "IMU", "fixes": "receiver", "landmarks": "landmark detector"}
@@ -101,7 +101,9 @@ class SensorFeed:
         odometry = self.picks.odometry
         if odometry.odometry == "tf":
             tf_sampler = FixedRatioSampler(self.plan.ratios.get("odometry", 1.0))
-            track = odometry_from_tf(self.recording, odometry, start_s=self.start_s, duration_s=self.duration_s)
+            track = odometry_from_tf(
+                self.recording, odometry, spatial=self.plan.spatial, start_s=self.start_s, duration_s=self.duration_s
+            )
             yield from (measurement for measurement in track if tf_sampler.pulse())
         child_to_base = moved_to(self.recording, odometry)
         fixed = FixedFrame(self.log)
@@ -177,10 +179,12 @@ def feed_sensors(
     UsageError
         If the tier has no such mode or no use for a named topic, or ``--laser-pose`` is to place several scanners.
     """
-    if mode is not None and mode not in tier.modes:
-        raise UsageError(f"--mode {mode}: {tier.name} has {' and '.join(tier.modes) or 'one mode only'}")
+    _check_usage(tier, names, mode)
     offer = replace(offered_sensors(recording, names, tier.roles), mode=mode)
     plan = tier.plan(parameters, given, offer, log)
+    num_scans = plan.num_laser_scans + (plan.num_multi_echo_laser_scans or 0)
+    if len(names.scans) > num_scans:
+        raise UsageError(f"--scan-topic was given {len(names.scans)} times: {tier.name} takes one scanner")
     picks = pick_sensors(recording, names, plan, tier.roles)
     mounts = _mounts(recording, picks, plan)
     fans: dict[str, Fan] = {}
@@ -209,6 +213,15 @@ def feed_sensors(
         duration_s=duration_s,
         log=log,
     )
+
+
+def _check_usage(tier: Tier, names: TopicNames, mode: str | None) -> None:
+    """Refuse a mode that the tier does not have, and topics that it has no use for."""
+    if mode is not None and mode not in tier.modes:
+        raise UsageError(f"--mode {mode}: {tier.name} has {' and '.join(tier.modes) or 'one mode only'}")
+    for role, topics in names.named().items():
+        if role not in tier.roles:
+            raise UsageError(f"{ROLES[role]} {topics[0]}: {tier.name} has no use for it")
 
 
 def _mounts(recording: Recording, picks: SensorPicks, plan: InputPlan) -> dict[str, LaserMount]:

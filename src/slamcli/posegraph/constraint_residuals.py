@@ -17,8 +17,8 @@ def constraint_residuals(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the residuals of `constraints` (of the state's own by default): float64 (N,) metres, float64 (N,) radians.
 
-    The residual is ``T_submap_node^-1 @ T_map_submap^-1 @ T_map_node``. Submaps with a planar grid see a node without its roll and pitch, as
-    Cartographer's constraints between them do. NaN where the submap or the node is no longer part of the map.
+    The residual is ``T_submap_node^-1 @ T_map_submap^-1 @ T_map_node``, in the plane too with the node's whole
+    orientation (as in a ``.pbstream``). NaN where the submap or the node is no longer part of the map.
     """
     chosen = state.constraints if constraints is None else constraints
     submaps = {submap.id: i for i, submap in enumerate(state.submaps)}
@@ -30,9 +30,7 @@ def constraint_residuals(
     s = np.array([submaps[chosen[i].submap] for i in known])
     n = np.array([nodes[chosen[i].node] for i in known])
     T_map_submap = np.array([submap.T_map_submap for submap in state.submaps])[s]
-    planar = np.array([submap.grid is not None for submap in state.submaps])[s]
-    seen = np.array([node.T_map_node for node in state.nodes])
-    T_map_node = np.where(planar[:, None, None], _upright(state, seen)[n], seen[n])
+    T_map_node = np.array([node.T_map_node for node in state.nodes])[n]
     T_submap_node = np.array([chosen[i].T_submap_node for i in known])
     residual = se3.inverse(T_submap_node) @ se3.inverse(T_map_submap) @ T_map_node
     translation[known] = np.linalg.norm(residual[:, :3, 3], axis=1)
@@ -44,9 +42,3 @@ def rotation_angle(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the angles (N,), 0 to pi, of rotation matrices (N, 3, 3); exact for small ones too."""
     quats = quaternion.from_matrix(rotation)
     return 2.0 * np.arctan2(np.linalg.norm(quats[:, :3], axis=1), np.abs(quats[:, 3]))
-
-
-def _upright(state: MapState, T_map_node: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the poses (N, 4, 4) of the nodes' gravity-aligned frames."""
-    gravity = np.array([node.gravity_alignment_xyzw for node in state.nodes])
-    return T_map_node @ se3.from_position_quaternion(np.zeros((len(gravity), 3)), quaternion.conjugate(gravity))

@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 START = 1e-4  # damping in the beginning, as a share of the diagonal
 LARGEST = 1e16  # damping at which no step leads down any more
+SMALLEST_STEP = 1e-10  # m or rad: nothing moves any more
 SURROGATE_ITERATIONS = 4  # in each round of the graduated losses but the last
 
 
@@ -52,10 +53,16 @@ class Minimum:
 class Descent:
     """The iterations on one graph; see :func:`minimise`."""
 
-    def __init__(self, terms: Sequence[Terms], held: NDArray[np.bool_], retract: Callable[[Floats, Floats], Floats]):
+    def __init__(
+        self,
+        terms: Sequence[Terms],
+        held: NDArray[np.bool_],
+        retract: Callable[[Floats, Floats], Floats],
+        together: int = 1,
+    ) -> None:
         self.terms: Sequence[Terms]
         self.terms, self.retract, self.size = terms, retract, len(held)
-        self.equations = NormalEquations(held, [term.variables for term in terms])
+        self.equations = NormalEquations(held, [term.variables for term in terms], together)
         self.surrogates = [term.loss.surrogates(0.0)[-1] for term in terms]
 
     def squares(self, residuals: Sequence[Floats]) -> list[Floats]:
@@ -97,7 +104,7 @@ class Descent:
                 self.linearise(state, residuals, self.weights(squares))
                 fresh = True
             step, predicted = self._step(damping)
-            if predicted == 0.0:
+            if predicted == 0.0 or (predicted > 0 and np.abs(step).max(initial=0.0) <= SMALLEST_STEP):
                 return state, iteration, True
             candidate = self.retract(state, step) if predicted > 0 else state
             new_residuals = self.residuals(candidate)
@@ -138,22 +145,24 @@ def minimise(
     retract: Callable[[Floats, Floats], Floats],
     max_iterations: int,
     tolerance: float,
+    together: int = 1,
 ) -> Minimum:
     """Return the state that minimises half the sum of the losses of the residuals.
 
     Parameters
     ----------
     state : of any shape; only `terms` and `retract` look into it.
-    held : bool (V,), variables that do not move.
+    held : bool (V,), variables that do not move, or (V, 3), which of their numbers.
     retract : moves a state by a step float64 (V, 3).
     tolerance : relative decrease of the cost at which it has converged.
+    together : variables of a pose.
 
     Notes
     -----
     Robust losses are handled by iteratively reweighted least squares. Sums run in the order of `terms` and their
     residuals on one thread: the same input gives the same bytes.
     """
-    descent = Descent(terms, held, retract)
+    descent = Descent(terms, held, retract, together)
     before = descent.cost(descent.squares(descent.residuals(state)))
     iterations = 0
     if any(term.loss.graduated and np.any(term.robust) for term in terms):

@@ -4,19 +4,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.grids.hybrid_grid import HybridGrid
-from slamcli.grids.probability_grid import ProbabilityGrid
-from slamcli.grids.tsdf_grid import TsdfGrid
 from slamcli.measurements import ImuSample, Landmarks, Odometry, StampedPose
 
 
 def _no_rotation() -> NDArray[np.float64]:
     return np.array([0.0, 0.0, 0.0, 1.0])
+
+
+if TYPE_CHECKING:  # with the grids their kernels are loaded, which a report or `--help` has no need of
+    from slamcli.grids.hybrid_grid import HybridGrid
+    from slamcli.grids.probability_grid import ProbabilityGrid
+    from slamcli.grids.tsdf_grid import TsdfGrid
 
 
 class Id(NamedTuple):

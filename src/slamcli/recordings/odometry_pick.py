@@ -10,13 +10,11 @@ from slamcli.geometry.frame_tree import FrameTree
 from slamcli.measurements import Odometry
 from slamcli.recordings.raw import Topic
 from slamcli.recordings.recording import Recording
-from slamcli.recordings.topic_ranks import name_rank
+from slamcli.recordings.topic_ranks import usable_odometry
 
 FROM_TF = "tf"
 """What a user names as odometry topic to take odometry from the frame tree."""
 
-_USUAL_ODOMETRY = ("odom", "odometry", "wheel_odom", "wheel_odometry", "odom_raw", "odom_combined")
-_NOT_ODOMETRY = ("truth", "_gt", "/gt", "mocap", "vicon", "optitrack", "gps", "visual", "vo/", "amcl", "slam")
 _BASE_FRAMES = ("base_link", "base_footprint", "base", "base_frame")
 _ODOM_FRAMES = ("odom", "odom_combined", "odom_frame")
 
@@ -94,24 +92,15 @@ def _from_frames(
     return odom or "odom", base or laser_frame, "none", None, base or laser_frame
 
 
-def usable_odometry(recording: Recording) -> tuple[Topic, ...]:
-    """Return the nav_msgs/Odometry topics that hold messages and are not named like ground truth, the best first."""
-    found = [topic for topic in recording.topics(Odometry) if topic.count != 0]
-    usable = [topic for topic in found if not any(word in topic.name.lower() for word in _NOT_ODOMETRY)]
-    return tuple(sorted(usable, key=lambda topic: (name_rank(topic.name, _USUAL_ODOMETRY), -(topic.count or 0))))
-
-
 def _odometry_topic(recording: Recording, named: str | None, *, say: bool) -> Topic | None:
     if named:
         return recording.topic(named, Odometry)
-    usable = usable_odometry(recording)
-    if not usable:
-        return None
     found = [topic for topic in recording.topics(Odometry) if topic.count != 0]
-    if len(found) > 1 and say:
+    usable = usable_odometry(found)
+    if usable and len(found) > 1 and say:
         others = ", ".join(topic.name for topic in found if topic != usable[0])
         recording.log.note(f"odometry: {usable[0].name} is used (also there: {others}; choose with --odom-topic)")
-    return usable[0]
+    return usable[0] if usable else None
 
 
 def _say_odometry(

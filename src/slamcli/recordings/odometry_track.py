@@ -78,6 +78,20 @@ def _from_topic(
 def _from_frames(
     recording: Recording, picks: OdometryPick, start_s: float | None, duration_s: float | None
 ) -> OdometryTrack:
+    stamps, transforms = odometry_transforms(recording, picks, start_s=start_s, duration_s=duration_s)
+    return OdometryTrack(
+        stamps_ns=stamps,
+        poses=se3.to_se2(transforms),
+        odom_frame=picks.odom_frame,
+        base_frame=picks.base_frame,
+        source="tf",
+    )
+
+
+def odometry_transforms(
+    recording: Recording, picks: OdometryPick, *, start_s: float | None = None, duration_s: float | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the transforms from the odometry's frame to the base: stamps int64 (N,), ascending, and float64 (N, 4, 4)."""
     tree = recording.frames()
     moving = [edge for edge in tree.path(picks.odom_frame, picks.base_frame) if not edge.static]
     stamps = max(moving, key=lambda edge: len(edge.stamps_ns)).stamps_ns
@@ -89,10 +103,4 @@ def _from_frames(
     if before is not None:
         stamps = stamps[stamps < before + margin]
     transforms, valid = tree.lookup_many(picks.odom_frame, picks.base_frame, stamps)
-    return OdometryTrack(
-        stamps_ns=stamps[valid],
-        poses=se3.to_se2(transforms[valid]),
-        odom_frame=picks.odom_frame,
-        base_frame=picks.base_frame,
-        source="tf",
-    )
+    return stamps[valid], transforms[valid]

@@ -9,14 +9,24 @@ from itertools import islice
 
 import numpy as np
 
-from slamcli.errors import RecordingError, UsageError
+from slamcli.errors import RecordingError
 from slamcli.mapper import InputPlan, SensorOffer
 from slamcli.measurements import GeoFix, ImuSample, Landmarks, LaserScan, Odometry, PointCloud, StampedPose
 from slamcli.recordings.adapters import multi_echo_laser_scan
-from slamcli.recordings.odometry_pick import OdometryPick, pick_odometry, usable_odometry
+from slamcli.recordings.odometry_pick import OdometryPick, pick_odometry
 from slamcli.recordings.raw import Topic
 from slamcli.recordings.recording import Recording
-from slamcli.recordings.topic_ranks import CLOUDS, FIXES, IMUS, LANDMARKS, SCANS, Role, best_topics
+from slamcli.recordings.topic_ranks import (
+    CLOUDS,
+    FIXES,
+    IMUS,
+    LANDMARKS,
+    SCANS,
+    Role,
+    best_topics,
+    ranked,
+    usable_odometry,
+)
 
 NONE = "none"
 """What a user names as topic of a sensor that is not to be used."""
@@ -46,6 +56,11 @@ class TopicNames:
     landmarks: str | None = None
     base_frame: str | None = None
     odom_frame: str | None = None
+
+    def named(self) -> dict[str, tuple[str, ...]]:
+        """Return the topics that are named, by role."""
+        listed = {role: (value,) if isinstance(value := getattr(self, role), str) else value or () for role in ROLES}
+        return {role: topics for role, topics in listed.items() if topics not in ((), (NONE,))}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,26 +94,23 @@ def offered_sensors(recording: Recording, names: TopicNames, roles: Collection[s
     ------
     RecordingError
         If a named topic is missing, empty or of another type, or there is no range sensor at all.
-    UsageError
-        If the caller names a topic that the system cannot use.
     """
-    _check_roles(names, roles)
     scans, clouds = _ranges(recording, names, roles)
     if not scans and not clouds:
         raise RecordingError(f"{recording.name}: {_no_ranges(recording, roles)}")
     echoes = [topic for topic in scans if is_multi_echo(topic)]
-    tree = recording.frames()
-    moving = any(not edge.static for edge in tree.edges)
+    moving = any(not edge.static for edge in recording.frames().edges)
+    odometry = [topic for topic in recording.topics(Odometry) if topic.count != 0]
     return SensorOffer(
         num_laser_scans=len(scans) - len(echoes),
         num_multi_echo_laser_scans=len(echoes),
         num_point_clouds=len(clouds),
-        flat_clouds=not scans and _is_flat(recording, clouds[0]),
-        odometry=names.odometry != NONE and (names.odometry is not None or moving or bool(usable_odometry(recording))),
+        flat_clouds=not scans and _is_flat(recording, ranked(clouds, CLOUDS)[0]),
+        odometry=names.odometry != NONE and (names.odometry is not None or moving or bool(usable_odometry(odometry))),
         imu=_offers(recording, names.imu, ImuSample),
         fixes=_offers(recording, names.fixes, GeoFix),
         landmarks=_offers(recording, names.landmarks, Landmarks),
-        named=frozenset(role for role in ROLES if _named(names, role)),
+        named=frozenset(names.named()),
     )
 
 
@@ -109,14 +121,10 @@ def pick_sensors(recording: Recording, names: TopicNames, plan: InputPlan, roles
     ------
     RecordingError
         If a named topic is missing, empty or of another type, or no message of the first range sensor can be decoded.
-    UsageError
-        If the caller names more scanners than the system takes.
     """
     found, clouds = _ranges(recording, names, roles)
     scans = _planned_scans(recording, found, plan) if not names.scans else found
     clouds = best_topics(recording, clouds, plan.num_point_clouds, CLOUDS) if not names.points else clouds
-    if len(scans) > plan.num_laser_scans + (plan.num_multi_echo_laser_scans or 0):
-        raise UsageError(f"--scan-topic was given {len(scans)} times: this system takes one scanner")
     frames = {topic.name: frame for topic in (*scans, *clouds) if (frame := _frame(recording, topic)) is not None}
     if not frames:
         raise RecordingError(f"{recording.name}: no message on topic {(*scans, *clouds)[0].name} can be decoded")
@@ -154,20 +162,6 @@ def _known_frame(recording: Recording, configured: str | None) -> str | None:
 def is_multi_echo(topic: Topic) -> bool:
     """Return whether a topic holds scans of several echoes."""
     return topic.msgtype in multi_echo_laser_scan.ADAPTER.msgtypes
-
-
-def _named(names: TopicNames, role: str) -> bool:
-    return getattr(names, role) not in (None, (), NONE)
-
-
-def _check_roles(names: TopicNames, roles: Collection[str]) -> None:
-    for role, option in ROLES.items():
-        if _named(names, role) and role not in roles:
-            raise UsageError(f"{option} {_text(getattr(names, role))}: this system has no use for it")
-
-
-def _text(named: str | tuple[str, ...]) -> str:
-    return named if isinstance(named, str) else ", ".join(named)
 
 
 def _ranges(
@@ -233,6 +227,13 @@ def _is_flat(recording: Recording, topic: Topic) -> bool:
     """Return whether the first cloud that has points lies in a plane of constant z of its own frame."""
     for cloud in islice(recording.measurements([topic]), 20):
         if len(cloud.points_m):
-            low, high = np.percentile(cloud.points_m[:, 2], [1, 99])
-            return bool(high - low < _FLAT_M)
+            return lies_flat(cloud)
     return False
+
+
+def lies_flat(cloud: PointCloud) -> bool:
+    """Return whether a cloud lies in a plane of constant z of its own frame, as that of a planar scanner does."""
+    if len(cloud.points_m) == 0:
+        return False
+    low, high = np.percentile(cloud.points_m[:, 2], [1, 99])
+    return bool(high - low < _FLAT_M)

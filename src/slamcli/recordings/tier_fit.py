@@ -7,10 +7,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from slamcli.geometry.frame_tree import FrameTree
-from slamcli.measurements import CameraModel, Image, ImuSample, LaserScan, Odometry, PointCloud
+from slamcli.measurements import CameraModel, GeoFix, Image, ImuSample, Landmarks, LaserScan, Odometry, PointCloud
+from slamcli.recordings.sensor_picks import lies_flat
 from slamcli.recordings.survey import TopicSurvey
-
-_TRUTH = ("truth", "mocap", "vicon")
+from slamcli.recordings.topic_ranks import (
+    CLOUDS,
+    FIXES,
+    IMUS,
+    LANDMARKS,
+    SCANS,
+    Role,
+    ranked,
+    usable_odometry,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,11 +36,15 @@ class TierFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorTopics:
-    """Topics of a recording by what they measure, the busiest first."""
+    """Topics of a recording by what they measure, the one that is taken first."""
 
     scans: tuple[str, ...]
     clouds: tuple[str, ...]
+    flat_clouds: bool
+    """Whether the first cloud is that of a planar scanner."""
     imus: tuple[str, ...]
+    fixes: tuple[str, ...]
+    landmarks: tuple[str, ...]
     odometry: str | None
     """An Odometry topic, ``tf``, or None."""
     colour: tuple[str, ...]
@@ -48,17 +61,25 @@ def sensor_topics(surveys: Mapping[str, TopicSurvey], frames: FrameTree) -> Sens
         found = [s for s in surveys.values() if s.adapter is not None and s.adapter.produces is kind and _has_any(s)]
         return [s.topic.name for s in sorted(found, key=lambda s: -(s.topic.count or s.num))]
 
+    def best(kind: type, role: Role) -> tuple[str, ...]:
+        return tuple(topic.name for topic in ranked((surveys[name].topic for name in of(kind)), role))
+
     images = of(Image)
     depth = [name for name in images if is_depth(surveys[name])]
     colour = [name for name in images if name not in depth]
     infos = of(CameraModel)
-    odometry = [name for name in of(Odometry) if not any(word in name.lower() for word in _TRUTH)]
+    odometry = usable_odometry(surveys[name].topic for name in of(Odometry))
+    clouds = best(PointCloud, CLOUDS)
+    first = surveys[clouds[0]].first if clouds else None
     moving = any(not edge.static and "odom" in edge.parent for edge in frames.edges)
     return SensorTopics(
-        scans=tuple(of(LaserScan)),
-        clouds=tuple(of(PointCloud)),
-        imus=tuple(of(ImuSample)),
-        odometry=odometry[0] if odometry else "tf" if moving else None,
+        scans=best(LaserScan, SCANS),
+        clouds=clouds,
+        flat_clouds=isinstance(first, PointCloud) and lies_flat(first),
+        imus=best(ImuSample, IMUS),
+        fixes=best(GeoFix, FIXES),
+        landmarks=best(Landmarks, LANDMARKS),
+        odometry=odometry[0].name if odometry else "tf" if moving else None,
         colour=tuple(colour),
         depth=tuple(depth),
         stereo=_stereo_pair(colour),
@@ -117,15 +138,22 @@ def _gmapping(sensors: SensorTopics) -> TierFit:
 
 
 def _cartographer(sensors: SensorTopics) -> TierFit:
-    if sensors.clouds and sensors.imus and not sensors.scans:
-        topics = {"points": sensors.clouds[0], "imu": sensors.imus[0]}
-        return TierFit(tier="cartographer", runs=True, mode="3D", topics=_with_odometry(topics, sensors))
     if not sensors.scans and not sensors.clouds:
         return _cannot("cartographer", "needs sensor_msgs/LaserScan or PointCloud2")
-    topics = {"scan": sensors.scans[0]} if sensors.scans else {"points": sensors.clouds[0]}
-    if sensors.imus:
-        topics["imu"] = sensors.imus[0]
-    return TierFit(tier="cartographer", runs=True, mode="2D", topics=_with_odometry(topics, sensors))
+    spatial = not sensors.scans and not sensors.flat_clouds
+    role, found = ("scan", sensors.scans) if sensors.scans else ("points", sensors.clouds)
+    topics = {role: found[0]}
+    for name, others in (("imu", sensors.imus), ("fixes", sensors.fixes), ("landmarks", sensors.landmarks)):
+        if others:
+            topics[name] = others[0]
+    mode = "3D" if spatial else "2D"
+    if spatial and not sensors.imus:
+        mode += " (without an IMU: expect less)"
+    elif sensors.odometry is None and not sensors.imus:
+        mode += f", {'scans' if sensors.scans else 'point clouds'} alone"
+    if len(found) > 1:
+        mode += f", one of {len(found)} sensors unless --{role}-topic names more"
+    return TierFit(tier="cartographer", runs=True, mode=mode, topics=_with_odometry(topics, sensors))
 
 
 def _rtabmap(sensors: SensorTopics) -> TierFit:

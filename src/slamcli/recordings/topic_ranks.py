@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from slamcli.recordings.raw import Topic
@@ -29,6 +29,12 @@ SCANS = Role(
     usual=("scan", "base_scan", "laser_scan", "laser", "front_scan", "scan_front", "scan_raw", "scan_filtered"),
     unusual=("tilt",),
 )
+ODOMETRY = Role(
+    what="odometry",
+    option="--odom-topic",
+    usual=("odom", "odometry", "wheel_odom", "wheel_odometry", "odom_raw", "odom_combined"),
+)
+_NOT_ODOMETRY = ("truth", "_gt", "/gt", "mocap", "vicon", "optitrack", "gps", "visual", "vo/", "amcl", "slam")
 CLOUDS = Role(
     what="point clouds",
     option="--points-topic",
@@ -45,14 +51,19 @@ FIXES = Role(what="GPS", option="--fix-topic", usual=("fix", "navsat", "gps"), u
 LANDMARKS = Role(what="landmarks", option="--landmark-topic", usual=("landmark", "landmarks"))
 
 
-def best_topics(recording: Recording, found: Sequence[Topic], number: int, role: Role) -> tuple[Topic, ...]:
-    """Return the `number` topics that fit best, or all where there are fewer; says which others there are."""
+def ranked(found: Iterable[Topic], role: Role) -> tuple[Topic, ...]:
+    """Return topics of one role, the one that fits best first."""
 
     def order(topic: Topic) -> tuple[int, bool, int]:
         odd = any(word in topic.name.lower() for word in role.unusual)
         return name_rank(topic.name, role.usual), odd, -(topic.count or 0)
 
-    best = tuple(sorted(found, key=order)[:number])
+    return tuple(sorted(found, key=order))
+
+
+def best_topics(recording: Recording, found: Sequence[Topic], number: int, role: Role) -> tuple[Topic, ...]:
+    """Return the `number` topics that fit best, or all where there are fewer; says which others there are."""
+    best = ranked(found, role)[:number]
     if len(found) > len(best) > 0:
         others = ", ".join(topic.name for topic in found if topic not in best)
         used = ", ".join(topic.name for topic in best)
@@ -61,6 +72,11 @@ def best_topics(recording: Recording, found: Sequence[Topic], number: int, role:
             f"choose with {role.option})"
         )
     return best
+
+
+def usable_odometry(found: Iterable[Topic]) -> tuple[Topic, ...]:
+    """Return those topics of odometry that are not named like ground truth or another system's result, the best first."""
+    return ranked((topic for topic in found if not any(word in topic.name.lower() for word in _NOT_ODOMETRY)), ODOMETRY)
 
 
 def name_rank(name: str, usual: Sequence[str]) -> int:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se3
-from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.posegraph import Id, LoopSearch, MapState, Submap
 from slamcli.posegraph.constraint_residuals import constraint_residuals, rotation_angle
 
@@ -21,8 +20,12 @@ class GraphArrays:
 
     stamps_ns: NDArray[np.int64]
     """int64 (N,)."""
+    elapsed_s: NDArray[np.float64]
+    """float64 (N,), since the first node of the same trajectory."""
     trajectories: NDArray[np.int64]
     """int64 (N,), which trajectory each node belongs to."""
+    frozen: frozenset[int]
+    """Trajectories that were loaded and must not move."""
     positions_m: NDArray[np.float64]
     """float64 (N, 3), map frame, optimised."""
     local_positions_m: NDArray[np.float64]
@@ -35,8 +38,8 @@ class GraphArrays:
     """float64 (S, 4, 2), corners of the known part of each submap in the map frame; NaN where it has no grid."""
     centres_m: NDArray[np.float64]
     """float64 (S, 2), where the robot was in the middle of building each submap."""
-    submap_stamps_ns: NDArray[np.int64]
-    """int64 (S,), when that was; -1 where no node is known."""
+    middles: NDArray[np.int64]
+    """int64 (S,), the node in the middle of each submap."""
     owners: NDArray[np.int64]
     """int64 (N,), the first submap that each node was put into."""
     inter: NDArray[np.bool_]
@@ -73,20 +76,19 @@ def graph_arrays(state: MapState, searches: Sequence[LoopSearch] = ()) -> GraphA
     residuals_m, residuals_rad = constraint_residuals(state)
     middles = _middles(constraint_nodes, constraint_submaps, ~inter, len(submaps))
     origins = np.array([s.T_map_submap[:2, 3] for s in state.submaps]).reshape(-1, 2)
-    found = middles >= 0
-    centres, submap_stamps = origins.copy(), np.full(len(submaps), -1, dtype=np.int64)
-    centres[found] = T_map_node[middles[found], :2, 3]
-    submap_stamps[found] = stamps[middles[found]]
+    origins[middles >= 0] = T_map_node[middles[middles >= 0], :2, 3]
     return GraphArrays(
         stamps_ns=stamps,
+        elapsed_s=_elapsed(stamps, trajectories),
         trajectories=trajectories,
+        frozen=state.frozen,
         positions_m=T_map_node[:, :3, 3],
         local_positions_m=local,
         correction_rad=correction,
         submap_names=_names(state.submaps),
         outlines_m=np.array([_outline(submap) for submap in state.submaps]).reshape(-1, 4, 2),
-        centres_m=centres,
-        submap_stamps_ns=submap_stamps,
+        centres_m=origins,
+        middles=middles,
         owners=_owners(constraint_nodes, constraint_submaps, ~inter, len(nodes)),
         inter=inter,
         constraint_nodes=constraint_nodes,
@@ -109,6 +111,14 @@ def _names(submaps: Sequence[Submap]) -> tuple[str, ...]:
     return tuple(f"{s.id.trajectory}.{s.id.number}" if several else str(s.id.number) for s in submaps)
 
 
+def _elapsed(stamps_ns: NDArray[np.int64], trajectories: NDArray[np.int64]) -> NDArray[np.float64]:
+    elapsed = np.zeros(len(stamps_ns))
+    for trajectory in np.unique(trajectories):
+        its = trajectories == trajectory
+        elapsed[its] = (stamps_ns[its] - stamps_ns[its].min()) / 1e9
+    return elapsed
+
+
 def _against_local_slam(
     state: MapState, T_map_node: NDArray[np.float64], trajectories: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -127,6 +137,10 @@ def _against_local_slam(
 def _outline(submap: Submap) -> NDArray[np.float64]:
     """Return the corners (4, 2) of a submap's known cells in the map frame; NaN without a grid."""
     if submap.grid is not None:
+        from slamcli.grids.probability_grid import (
+            ProbabilityGrid,  # loads kernels; where there is a grid they are loaded
+        )
+
         cells = submap.grid.cells if isinstance(submap.grid, ProbabilityGrid) else submap.grid.tsd
         rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
         if not len(rows):

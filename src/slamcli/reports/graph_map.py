@@ -70,7 +70,8 @@ def graph_map(graph: GraphArrays, grid: OccupancyGrid | None = None) -> str:
         _Layer("map", _background(picture, place)) if picture.size else None,
         _outlines(graph, place),
         _local_slam(graph, place),
-        _trajectories(graph, place),
+        _trajectories(graph, place, frozen=True),
+        _trajectories(graph, place, frozen=False),
         *_closures(graph, place),
         _rejected(graph, place),
         _nodes(graph, place),
@@ -130,13 +131,15 @@ def _labels(graph: GraphArrays, place: _Place, known: NDArray[np.int64]) -> list
     return found
 
 
-def _trajectories(graph: GraphArrays, place: _Place) -> _Layer:
-    parts = []
-    for number, trajectory in enumerate(np.unique(graph.trajectories).tolist()):
-        its = graph.trajectories == trajectory
-        at = _thinned(place(graph.positions_m[its, :2]))
-        parts.append(f'<path class="track t{number % 4}" d="{_polyline(at)}"/>')
-    return _Layer("trajectory" if len(parts) == 1 else f"trajectories ({len(parts)})", "".join(parts), key="track t0")
+def _trajectories(graph: GraphArrays, place: _Place, *, frozen: bool) -> _Layer:
+    chosen = [t for t in np.unique(graph.trajectories).tolist() if (t in graph.frozen) == frozen]
+    parts = [
+        f'<path class="track {"alone" if frozen else f"t{t % 4}"}" d="{_polyline(_thinned(place(graph.positions_m[graph.trajectories == t, :2])))}"/>'
+        for t in chosen
+    ]
+    word = "frozen trajector" if frozen else "trajector"
+    label = f"{word}y" if len(parts) == 1 else f"{word}ies ({len(parts)})"
+    return _Layer(label, "".join(parts), key="track alone" if frozen else f"track t{chosen[0] % 4}" if chosen else "")
 
 
 def _local_slam(graph: GraphArrays, place: _Place) -> _Layer:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamcli.grids import OccupancyGrid
 from slamcli.posegraph import LoopSearch, MapState
@@ -16,6 +17,7 @@ from slamcli.reports.graph_arrays import GraphArrays, graph_arrays
 from slamcli.reports.graph_map import RESIDUAL_CLASSES, graph_map, residual_classes
 from slamcli.reports.graph_tables import graph_cards, rejections, rounds, worst_closures
 from slamcli.reports.submap_matrix import matrix_chart, untied
+from slamcli.trajectory import Trajectory
 
 _MIN_SCORE = "constraint_builder.min_score"
 
@@ -25,21 +27,25 @@ def graph_sections(
     searches: Sequence[LoopSearch],
     run: Mapping[str, Any],
     grid: OccupancyGrid | None,
-    began_ns: int | None,
+    trajectory: Trajectory | None,
 ) -> list[str]:
-    """Return the sections of a state as markup, none without one."""
+    """Return the sections of a state as markup, none without one.
+
+    Charts over time show the nodes that were made during `trajectory`: those of a loaded state are of another day.
+    """
     graph = graph_arrays(state, searches) if state is not None else None
     if state is None or graph is None or graph.is_empty:
         return []
+    run_nodes, began_ns = _in_run(graph, trajectory)
     return [
         page.section(
             "Pose graph",
             page.cards(graph_cards(graph, searches, run.get("summary") or {})),
             page.figure(graph_map(graph, grid), caption=_MAP_CAPTION),
-            _correction(graph, began_ns),
+            _correction(graph, run_nodes, began_ns),
         ),
-        page.section("Loop closures", *_closures(graph, searches, run, began_ns)),
-        page.section("Submaps", _thumbnails(state, graph, began_ns)),
+        page.section("Loop closures", *_closures(graph, searches, run, run_nodes, began_ns)),
+        page.section("Submaps", _thumbnails(state, graph)),
     ]
 
 
@@ -51,13 +57,23 @@ _MAP_CAPTION = (
 )
 
 
-def _correction(graph: GraphArrays, began_ns: int | None) -> str:
+def _in_run(graph: GraphArrays, trajectory: Trajectory | None) -> tuple[NDArray[np.int64], int]:
+    """Return the nodes (K,) that were made during the run, by their stamps, and when it began; all where nothing tells."""
+    order = np.argsort(graph.stamps_ns, kind="stable")
+    if trajectory is None or not len(trajectory):
+        return order, int(graph.stamps_ns.min(initial=np.iinfo(np.int64).max))
+    first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
+    stamps = graph.stamps_ns[order]
+    return order[(stamps >= first) & (stamps <= last)], int(trajectory.stamps_ns[0])
+
+
+def _correction(graph: GraphArrays, nodes: NDArray[np.int64], began_ns: int) -> str:
     """Return the chart of how far the optimisation moved each node against local SLAM."""
-    if not len(graph.stamps_ns):
+    if not len(nodes):
         return ""
-    x, x_label = step_charts.time_axis(graph.stamps_ns, began_ns)
-    moved = np.linalg.norm(graph.positions_m - graph.local_positions_m, axis=1)
-    turned = np.degrees(graph.correction_rad)
+    x, x_label = step_charts.time_axis(graph.stamps_ns[nodes], began_ns)
+    moved = np.linalg.norm(graph.positions_m - graph.local_positions_m, axis=1)[nodes]
+    turned = np.degrees(graph.correction_rad[nodes])
     charts = [
         svg.line_chart(
             svg.Chart(title=title, x_label=x_label, y_label=label, series=[svg.Series(label=title, x=x, y=y, colour=c)])
@@ -72,12 +88,16 @@ def _correction(graph: GraphArrays, began_ns: int | None) -> str:
 
 
 def _closures(
-    graph: GraphArrays, searches: Sequence[LoopSearch], run: Mapping[str, Any], began_ns: int | None
+    graph: GraphArrays,
+    searches: Sequence[LoopSearch],
+    run: Mapping[str, Any],
+    nodes: NDArray[np.int64],
+    began_ns: int,
 ) -> list[str]:
     parts = []
     if not graph.inter.any():
         parts.append('<p class="soft">No loop was closed: the map is as good as local SLAM.</p>')
-    parts += _residuals(graph, began_ns)
+    parts += _residuals(graph, nodes, began_ns)
     if searches:
         least = _least_score(run)
         found = graph.scores > 0
@@ -100,21 +120,22 @@ def _closures(
         page.figure(worst, "Worst loop constraints", "By residual, 10 cm counting as much as 1°.") if worst else ""
     )
     if len(graph.submap_names) > 1:
-        pairs = int(np.count_nonzero(untied(graph))) // 2
+        open_pairs = untied(graph)
+        pairs = int(np.count_nonzero(open_pairs)) // 2
         told = (
             f"Number of loop constraints between submaps. {pairs:,} pairs of submaps were built within 5 m of each other, not one after the other, and "
             "are not tied by a loop constraint (squares): harmless with a wall between them, else where a double wall comes from."
         )
-        parts.append(page.figure(matrix_chart(graph), "Which submaps are tied", told))
+        parts.append(page.figure(matrix_chart(graph, open_pairs), "Which submaps are tied", told))
     return parts
 
 
-def _residuals(graph: GraphArrays, began_ns: int | None) -> list[str]:
-    use = np.isfinite(graph.residuals_m) & (graph.constraint_nodes >= 0)
+def _residuals(graph: GraphArrays, nodes: NDArray[np.int64], began_ns: int) -> list[str]:
+    in_run = np.isin(graph.constraint_nodes, nodes)
+    use = np.isfinite(graph.residuals_m) & in_run
     if not use.any():
         return []
-    began = int(graph.stamps_ns.min()) if began_ns is None else began_ns
-    elapsed = (graph.stamps_ns[graph.constraint_nodes] - began) / 1e9
+    elapsed = (graph.stamps_ns[graph.constraint_nodes] - began_ns) / 1e9
     long = float(elapsed[use].max()) > 600
     x, x_label = (elapsed / 60, "time in min") if long else (elapsed, "time in s")
     classes = residual_classes(np.nan_to_num(graph.residuals_m), np.nan_to_num(graph.residuals_rad))
@@ -152,13 +173,11 @@ def _least_score(run: Mapping[str, Any]) -> tuple[str, float] | None:
     return None if value is None else (f"min_score {float(value):g}", float(value))
 
 
-def _thumbnails(state: MapState, graph: GraphArrays, began_ns: int | None) -> str:
-    began = int(graph.stamps_ns.min(initial=np.iinfo(np.int64).max)) if began_ns is None else began_ns
+def _thumbnails(state: MapState, graph: GraphArrays) -> str:
+    when = [f", {graph.elapsed_s[middle]:.0f} s" if middle >= 0 else "" for middle in graph.middles.tolist()]
     words = [
-        f"{name}: {submap.num_range_data} scans"
-        + ("" if at < 0 else f", {(at - began) / 1e9:.0f} s")
-        + ("" if submap.finished else ", not finished")
-        for name, submap, at in zip(graph.submap_names, state.submaps, graph.submap_stamps_ns.tolist(), strict=True)
+        f"{name}: {submap.num_range_data} scans{at}{'' if submap.finished else ', not finished'}"
+        for name, submap, at in zip(graph.submap_names, state.submaps, when, strict=True)
     ]
     pictures, shown = thumbnails(state.submaps, words)
     left_out = f" {shown:,} of {len(words):,} are shown." if pictures and shown < len(words) else ""

@@ -54,20 +54,28 @@ def worst_closures(graph: GraphArrays) -> str:
         if ok
     }  # fmt: skip
     badness = np.maximum(graph.residuals_m[loops] / 0.1, np.degrees(graph.residuals_rad[loops]))
-    began = int(graph.stamps_ns.min())
+    several = len(np.unique(graph.trajectories)) > 1
     rows = []
     for c in loops[np.lexsort((loops, -np.nan_to_num(badness)))][:_WORST].tolist():
         node, submap = int(graph.constraint_nodes[c]), int(graph.constraint_submaps[c])
-        stamp, seen = int(graph.stamps_ns[node]), int(graph.submap_stamps_ns[submap])
         x, y = graph.positions_m[node, :2].tolist()
         score = scores.get((node, submap))
+        when = f"{graph.trajectories[node]}: " if several else ""
         rows.append((
-            f"{(stamp - began) / 1e9:.1f} s", f"{x:.1f}, {y:.1f}", f"{graph.submap_names[submap]}",
-            "" if seen < 0 else scales.duration(abs(stamp - seen) / 1e9), "" if score is None else f"{score:.3f}",
+            f"{when}{graph.elapsed_s[node]:.1f} s", f"{x:.1f}, {y:.1f}", graph.submap_names[submap],
+            _between(graph, node, submap), "" if score is None else f"{score:.3f}",
             f"{graph.residuals_m[c]:.3f} m", f"{np.degrees(graph.residuals_rad[c]):.2f}°",
         ))  # fmt: skip
     columns = ["node at", "place in m", "submap", "time between", "score", "translation residual", "rotation residual"]
     return page.table(columns, rows, numeric=range(3, 7))
+
+
+def _between(graph: GraphArrays, node: int, submap: int) -> str:
+    """Return the time between building the submap and the node; nothing across trajectories, whose clocks may differ."""
+    middle = int(graph.middles[submap])
+    if middle < 0 or graph.trajectories[middle] != graph.trajectories[node]:
+        return ""
+    return scales.duration(abs(float(graph.elapsed_s[node] - graph.elapsed_s[middle])))
 
 
 def rejections(searches: Sequence[LoopSearch]) -> str:

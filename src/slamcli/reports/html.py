@@ -76,7 +76,7 @@ def report(
             page.bullets([str(w) for w in run.get("warnings") or ()], "warnings"),
             page.section("Map", _map(map_image)),
             page.section("Points", *cloud_figures(cloud, trajectory)),
-            *graph_sections(state, loop_searches, run, grid, began_ns),
+            *graph_sections(state, loop_searches, run, grid, trajectory),
             page.section("Error against ground truth", *_errors(errors, began_ns), _overlay(trajectory, truth)),
             page.section("Steps", *step_charts.figures(steps or {}, began_ns)),
             page.section("Time per stage", _timing(run.get("timing") or {})),

@@ -30,16 +30,16 @@ code,pre{font:13px/1.5 ui-monospace,monospace}pre{background:var(--card);padding
 @media(max-width:600px){body{padding:.8rem}.tick{font-size:15px}.label{font-size:16px}}
 @media print{body{max-width:none;padding:0;font-size:11px}.tools,.js .tools{display:none}figure,.cards,tr{break-inside:avoid}h2,h3{break-after:avoid}.map{border:0}
 :root{--page:#fff;--ink:#000;--soft:#444;--line:#bbb;--card:#fff;--warn:#000;--warnbg:#fff;--c0:#0072b2;--c1:#d55e00;--c2:#009e73;--c3:#cc79a7;--c4:#e69f00;--c5:#56b4e9}}
-.dots{fill:none;stroke-width:3.4;stroke-linecap:round}.dots.faint{stroke:var(--line);stroke-width:2}.limit{stroke:var(--ink);stroke-dasharray:5 4;fill:none}.bar0{fill:var(--c0)}.bar1{fill:var(--c1)}
+.dots{fill:none;stroke-width:3.4;stroke-linecap:round}.faint{stroke:var(--soft);stroke-opacity:.45}.dots.faint{stroke-width:2}.limit{stroke:var(--ink);stroke-dasharray:5 4;fill:none}.bar0{fill:var(--c0)}.bar1{fill:var(--c1)}
 .m0{fill:var(--card)}.m1{fill:#56b4e9}.m2{fill:#0072b2}.m3{fill:#e69f00}.m4{fill:#d55e00}.open{fill:none;stroke:var(--soft);stroke-width:1}.mt{font-size:9px;fill:#fff}
 .layered .map{--soft:#5b6470;--line:#d9dee5;--ink:#1d2129}.layered .pane{width:auto}.graph{max-height:92vh}.switches{display:flex;flex-wrap:wrap;gap:.15rem 1rem;margin:.3rem 0 .5rem;font-size:.87rem}
 .switches label{display:inline-flex;align-items:center;gap:.3rem;cursor:pointer}.switches input{margin:0}svg.key{width:22px;height:10px;background:#fff;border-radius:2px}
 .layered:has(.s0:not(:checked)) .l0,.layered:has(.s1:not(:checked)) .l1,.layered:has(.s2:not(:checked)) .l2,.layered:has(.s3:not(:checked)) .l3,.layered:has(.s4:not(:checked)) .l4,.layered:has(.s5:not(:checked)) .l5,.layered:has(.s6:not(:checked)) .l6,.layered:has(.s7:not(:checked)) .l7,.layered:has(.s8:not(:checked)) .l8,.layered:has(.s9:not(:checked)) .l9,.layered:has(.s10:not(:checked)) .l10,.layered:has(.s11:not(:checked)) .l11{display:none}
 .graph path,.key path{fill:none;vector-effect:non-scaling-stroke;stroke-linecap:round;stroke-linejoin:round}.graph text{font-size:calc(11px/var(--k,1))}
-path.track{stroke-width:calc(1.6px/var(--k,1))}.t0{stroke:#1d2129}.t1{stroke:#7a3e9d}.t2{stroke:#00664b}.t3{stroke:#8a5a00}path.alone{stroke:#8c939c;stroke-width:calc(1.2px/var(--k,1));stroke-dasharray:4 3}
-path.nodes{stroke:#1d2129;stroke-width:calc(3.4px/var(--k,1))}path.outline{stroke:#009e73;stroke-opacity:.55;stroke-width:calc(1px/var(--k,1))}path.outline:hover{stroke-opacity:1;stroke-width:calc(3px/var(--k,1))}
+path.track{stroke-width:calc(1.1px/var(--k,1))}.t0{stroke:#1d2129}.t1{stroke:#7a3e9d}.t2{stroke:#00664b}.t3{stroke:#8a5a00}path.alone{stroke:#8c939c;stroke-width:calc(1.2px/var(--k,1));stroke-dasharray:4 3}
+path.nodes{stroke:#1d2129;stroke-width:calc(2.6px/var(--k,1))}path.outline{stroke:#009e73;stroke-opacity:.55;stroke-width:calc(1px/var(--k,1))}path.outline:hover{stroke-opacity:1;stroke-width:calc(3px/var(--k,1))}
 .graph text.name{fill:#006b4e;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:calc(3px/var(--k,1));stroke-linejoin:round}
-path.loop{stroke-opacity:.75;stroke-width:calc(1.2px/var(--k,1))}.r0{stroke:#56b4e9}.r1{stroke:#0072b2}.r2{stroke:#e69f00}.r3{stroke:#d55e00}path.r3{stroke-width:calc(2px/var(--k,1))}
+path.loop{stroke-opacity:.75;stroke-width:calc(1.2px/var(--k,1))}.r0{stroke:#56b4e9}.r1{stroke:#0072b2}.r2{stroke:#e69f00}.r3{stroke:#d55e00}path.loop.r3{stroke-width:calc(2px/var(--k,1))}
 path.rejected{stroke:#cc79a7;stroke-opacity:.7;stroke-width:calc(1px/var(--k,1));stroke-dasharray:2 3}
 .thumbs{display:grid;grid-template-columns:repeat(auto-fill,minmax(8.5rem,1fr));gap:.6rem}.thumbs div{font-size:.8rem;color:var(--soft)}.thumbs img{width:100%;height:8rem;object-fit:contain;background:#d0d6de;border-radius:6px;image-rendering:pixelated;display:block}
 .views img{display:block;max-width:100%;max-height:90vh;margin:auto}

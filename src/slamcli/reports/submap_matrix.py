@@ -49,9 +49,9 @@ def untied(graph: GraphArrays, reach_m: float = 5.0) -> NDArray[np.bool_]:
     return near & (counts + counts.T == 0)
 
 
-def matrix_chart(graph: GraphArrays) -> str:
-    """Return an ``<svg>`` element; beyond 120 submaps neighbours share a cell."""
-    counts, open_pairs = constraint_counts(graph), untied(graph)
+def matrix_chart(graph: GraphArrays, open_pairs: NDArray[np.bool_]) -> str:
+    """Return an ``<svg>`` element with the `untied` pairs in it; beyond 120 submaps neighbours share a cell."""
+    counts = constraint_counts(graph)
     pool = max(1, -(-len(counts) // _MOST))
     counts, missing = _pooled(counts, pool), _pooled(open_pairs.astype(np.int64), pool) > 0
     size = len(counts)

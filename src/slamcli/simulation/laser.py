@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from slamcli.geometry import quaternion
 from slamcli.measurements import LaserScan
 from slamcli.simulation import raycast
-from slamcli.simulation.drive import Motion
 from slamcli.simulation.parameters import SimulationParameters
 from slamcli.simulation.people import Crowd
+from slamcli.simulation.ride import Ride
+from slamcli.simulation.space import Space, shorten
 from slamcli.simulation.world import World
 
 Array = NDArray[np.float64]
@@ -26,9 +27,11 @@ class Scanner:
     """A planar scanner on the robot; `scan` gives what it measures from a time on."""
 
     def __init__(
-        self, world: World, motion: Motion, crowd: Crowd, parameters: SimulationParameters, rng: np.random.Generator
-    ) -> None:
-        self._world, self._motion, self._crowd, self._parameters, self._rng = world, motion, crowd, parameters, rng
+        self, world: World, ride: Ride, space: Space | None, crowd: Crowd, parameters: SimulationParameters,
+        rng: np.random.Generator,
+    ) -> None:  # fmt: skip
+        self._world, self._ride, self._space, self._crowd = world, ride, space, crowd
+        self._parameters, self._rng = parameters, rng
         p = parameters
         fov = math.radians(p.laser_fov)
         gaps = p.laser_beams if p.laser_fov >= 360.0 else max(p.laser_beams - 1, 1)
@@ -57,7 +60,7 @@ class Scanner:
 
     def rays(self, time_s: float) -> tuple[Array, Array]:
         """Return origins and directions (N, 2), map frame, of the beams of a scan that begins at `time_s`."""
-        base = self._motion.at(time_s + self._offsets_s)
+        base = self._ride.motion.at(time_s + self._offsets_s)
         c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
         x, y = self._parameters.laser_x, self._parameters.laser_y
         angles = base[:, 2] + self._angles_base
@@ -66,10 +69,27 @@ class Scanner:
 
     def true_ranges(self, time_s: float) -> Array:
         """Return exact distances (N,) along the beams of a scan that begins at `time_s`; inf beyond range_max."""
+        if self._space is not None:
+            return self._ranges_in_space(self._space, time_s)
         origins, directions = self.rays(time_s)
         ranges = raycast.cast(self._world, origins, directions, self._parameters.laser_range_max)
         discs = self._crowd.discs(time_s)
         return raycast.cast_moving(origins, directions, self._offsets_s, discs, ranges) if len(discs) else ranges
+
+    def _ranges_in_space(self, space: Space, time_s: float) -> Array:
+        """Return the same in a world with heights, where the plane of the scan tilts with the robot."""
+        positions, rotations = self._ride.at(time_s + self._offsets_s)
+        mount, _ = self.mount()
+        level = np.column_stack(
+            [np.cos(self._angles_base), np.sin(self._angles_base), np.zeros(len(self._angles_base))]
+        )
+        origins, directions = positions + rotations @ mount, (rotations @ level[:, :, None])[:, :, 0]
+        limit = self._parameters.laser_range_max
+        hits = space.cast(origins, directions, limit)
+        bodies = self._crowd.bodies(time_s, self._ride)
+        if len(bodies):
+            hits = shorten(hits, origins, directions, self._offsets_s, bodies, limit)
+        return hits[:, 0]
 
     def scan(self, time_s: float, stamp_ns: int) -> LaserScan:
         """Return the scan that begins at `time_s` (seconds from the start) and says it was at `stamp_ns`."""

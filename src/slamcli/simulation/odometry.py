@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from slamcli.geometry import se2
 from slamcli.simulation.drive import Motion
 from slamcli.simulation.parameters import SimulationParameters
+from slamcli.simulation.ride import Ride
 
 Array = NDArray[np.float64]
 
 
 def wheel_poses(
-    motion: Motion, times_s: Array, slips_s: Array, parameters: SimulationParameters, rng: np.random.Generator
+    ride: Ride, times_s: Array, slips_s: Array, parameters: SimulationParameters, rng: np.random.Generator
 ) -> Array:
     """Return the pose that odometry tells, (N, 3) x, y, yaw in its own frame, which starts at zero.
 
@@ -24,8 +25,8 @@ def wheel_poses(
 
     Parameters
     ----------
-    motion
-        What truly happened.
+    ride
+        What truly happened; on a slope wheels roll the way along it.
     times_s
         float64 (N,), when odometry is measured, seconds from the start, rising.
     slips_s
@@ -35,8 +36,10 @@ def wheel_poses(
     rng
         Its draws.
     """
-    true_poses = motion.at(times_s)
+    true_poses = ride.motion.at(times_s)
     steps = se2.between(true_poses[:-1], true_poses[1:])
+    if not ride.is_level:
+        steps[:, :2] *= ride.stretch(times_s)[:, None]
     distance, turn = np.hypot(steps[:, 0], steps[:, 1]), np.diff(true_poses[:, 2])
     p = parameters
     middle = (times_s[:-1] + times_s[1:]) / 2

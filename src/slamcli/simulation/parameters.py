@@ -42,6 +42,7 @@ class SimulationParameters:
     robot_margin: float = _number("robot.margin", 0.12, "m", "Distance from walls kept beyond the radius in planning.")
     robot_rest: float = _number("robot.rest", 1.0, "s", "Time at rest before the robot starts to move.", 0.0, 3600.0)
 
+    laser_enabled: bool = parameter(True, "Record a planar scanner on /scan.", name="laser.enabled")
     laser_beams: int = parameter(180, "Number of beams.", name="laser.beams", minimum=1, maximum=100_000)
     laser_fov: float = _number("laser.fov", 180.0, "deg", "Field of view, symmetric about forward.", 0.0, 360.0)
     laser_rate: float = _number("laser.rate", 10.0, "Hz", "Scans per second.", 0.01, 1000.0)
@@ -75,6 +76,43 @@ class SimulationParameters:
     laser_upside_down: bool = parameter(False, "Mounted with its z axis down.", name="laser.upside_down")
     laser_clockwise: bool = parameter(False, "Scans clockwise (negative increment).", name="laser.clockwise")
 
+    lidar3d_enabled: bool = parameter(False, "Record a spinning scanner on /points.", name="lidar3d.enabled")
+    lidar3d_rings: int = parameter(
+        16, "Number of beams above each other.", name="lidar3d.rings", minimum=1, maximum=512
+    )
+    lidar3d_lowest: float = _number("lidar3d.lowest", -15.0, "deg", "Elevation of the lowest beam.", -90.0, 90.0)
+    lidar3d_highest: float = _number(
+        "lidar3d.highest", 15.0, "deg", "Elevation of the highest; evenly between.", -90.0, 90.0
+    )
+    lidar3d_angles: str = parameter(
+        "",
+        "Elevations of all beams in degrees, lowest first, with commas, instead of the three above.",
+        name="lidar3d.angles",
+    )
+    lidar3d_columns: int = parameter(
+        900, "Firings of all beams in one revolution.", name="lidar3d.columns", minimum=1, maximum=100_000
+    )
+    lidar3d_rate: float = _number("lidar3d.rate", 10.0, "Hz", "Revolutions per second.", 0.01, 1000.0)
+    lidar3d_clockwise: bool = parameter(False, "Turns clockwise, seen from above.", name="lidar3d.clockwise")
+    lidar3d_range_min: float = _number("lidar3d.range_min", 0.4, "m", "Nearest distance that is measured.")
+    lidar3d_range_max: float = _number("lidar3d.range_max", 80.0, "m", "Farthest distance that is measured.", 0.1)
+    lidar3d_noise: float = _number("lidar3d.noise", 0.02, "m", "Standard deviation of a range.")
+    lidar3d_dropout: float = _number("lidar3d.dropout", 0.002, "1", "Share of beams without an answer.", 0.0, 1.0)
+    lidar3d_intensity_noise: float = _number(
+        "lidar3d.intensity_noise", 2.0, "1", "Standard deviation of an intensity (0 to 255)."
+    )
+    lidar3d_organised: bool = parameter(
+        False,
+        "Clouds of rings x columns with NaN where no answer came, instead of answers only.",
+        name="lidar3d.organised",
+    )
+    lidar3d_x: float = _number("lidar3d.x", 0.0, "m", "Mount, forward of base_link.", None)
+    lidar3d_y: float = _number("lidar3d.y", 0.0, "m", "Mount, left of base_link.", None)
+    lidar3d_z: float = _number("lidar3d.z", 0.8, "m", "Mount, above base_link.", None)
+    lidar3d_roll: float = _number("lidar3d.roll", 0.0, "deg", "Mount, turned about its forward axis.", None)
+    lidar3d_pitch: float = _number("lidar3d.pitch", 0.0, "deg", "Mount, nose down.", None)
+    lidar3d_yaw: float = _number("lidar3d.yaw", 0.0, "deg", "Mount, turned left.", None)
+
     odometry_rate: float = _number("odometry.rate", 20.0, "Hz", "Odometry messages per second.", 0.1, 1000.0)
     odometry_srr: float = _number("odometry.srr", 0.02, "m/sqrt(m)", "Distance error after 1 m straight.")
     odometry_srt: float = _number("odometry.srt", 0.02, "rad/sqrt(m)", "Heading error after 1 m straight.")
@@ -98,14 +136,16 @@ class SimulationParameters:
         "clock.laser_offset",
         0.0,
         "s",
-        "Scan stamp minus true time; +0.1: odometry of a stamp is 0.1 s fresher.",
+        "Stamp of scans and clouds minus true time; +0.1: odometry of a stamp is 0.1 s fresher.",
         -60,
         60,
     )
     clock_odometry_offset: float = _number(
         "clock.odometry_offset", 0.0, "s", "Odometry stamp minus true time.", -60, 60
     )
-    clock_laser_jitter: float = _number("clock.laser_jitter", 0.0, "s", "Standard deviation of each scan stamp.", 0, 60)
+    clock_laser_jitter: float = _number(
+        "clock.laser_jitter", 0.0, "s", "Standard deviation of each stamp of a scan or cloud.", 0, 60
+    )
     clock_odometry_jitter: float = _number("clock.odometry_jitter", 0.0, "s", "The same of odometry stamps.", 0, 60)
 
     imu_enabled: bool = parameter(False, "Record an IMU on /imu.", name="imu.enabled")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slamcli.simulation.drive import Motion
 from slamcli.simulation.free_space import FreeSpace
 from slamcli.simulation.parameters import SimulationParameters
+from slamcli.simulation.ride import Ride
 from slamcli.simulation.world import Walker, World
 
 Array = NDArray[np.float64]
@@ -19,6 +20,8 @@ STEP_S = 0.05
 BODY_RADIUS_M = 0.22
 LEG_RADIUS_M = 0.06
 _LEGS_APART_M = 0.22
+_HIP_M = 0.8
+_TALL_M = 1.75
 _STRIDE_M = 0.7  # half a cycle of one leg: the way per step
 _ROOM_M = 0.3
 _WAIT_BEFORE_ROBOT_M = 0.9
@@ -59,6 +62,19 @@ class Crowd:
         now, later = self._places(time_s), self._places(time_s + STEP_S)
         radius = LEG_RADIUS_M if self._shape == "legs" else BODY_RADIUS_M
         return np.column_stack([now, np.full(len(now), radius), (later - now) / STEP_S])
+
+    def bodies(self, time_s: float, ride: Ride) -> Array:
+        """Return upright cylinders (B, 7) x, y, radius, vx, vy, low, high (metres, map frame) at `time_s` from the start."""
+        discs = self.discs(time_s)
+        if self._shape == "legs" and len(discs):
+            trunks = (discs[0::2] + discs[1::2]) / 2
+            trunks[:, 2] = BODY_RADIUS_M
+            heights = [[0.0, _HIP_M]] * len(discs) + [[_HIP_M, _TALL_M]] * len(trunks)
+            discs = np.concatenate([discs, trunks])
+        else:
+            heights = [[0.0, _TALL_M]] * len(discs)
+        ground = ride.ground_at(discs[:, :2])
+        return np.column_stack([discs, np.array(heights).reshape(-1, 2) + ground[:, None]])
 
     def _places(self, time_s: float) -> Array:
         """Return the centres (P or 2 P, 2) of what of everybody touches the plane of the scanner."""

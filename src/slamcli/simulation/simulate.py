@@ -11,14 +11,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import UsageError
+from slamcli.errors import ConfigError, UsageError
 from slamcli.geometry import quaternion
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import FrameTransform, ImuSample, Measurement, Odometry
 from slamcli.simulation import drive as driving
-from slamcli.simulation import free_space, imu, laser, odometry
+from slamcli.simulation import free_space, imu, laser, lidar3d, odometry
 from slamcli.simulation.parameters import SimulationParameters
 from slamcli.simulation.people import Crowd
+from slamcli.simulation.relief import flat_relief
+from slamcli.simulation.ride import Ride
+from slamcli.simulation.space import Space
 from slamcli.simulation.world import World
 from slamcli.trajectory import Trajectory
 
@@ -57,17 +60,22 @@ class Simulation:
         """
         if duration_s is not None and not 0 < duration_s < 1e7:
             raise UsageError(f"a duration of {duration_s:g} s: give seconds above 0 and below 10 million")
-        if parameters.laser_range_min >= parameters.laser_range_max:
-            raise UsageError(
-                f"laser.range_min {parameters.laser_range_min:g} m is not below laser.range_max {parameters.laser_range_max:g} m"
-            )
+        _check(world, parameters)
         self.world, self.parameters, self._seed = world, parameters, seed
         self.motion = driving.drive(world, parameters, duration_s, self._stream("drive"))
         count = len(world.walkers) + parameters.people_count
         self.crowd = Crowd(world, self.motion, parameters, [self._stream(f"person {i}") for i in range(count)])
+        self.ride = Ride(self.motion, None if world.relief is None else world.relief.ground)
+        self._space: Space | None = None
+        if world.relief is not None or parameters.lidar3d_enabled:
+            self._space = Space(world.relief or flat_relief(world.segments, world.circles, world.bounds))
         self.slips_s = odometry.slip_episodes(self.motion, parameters, self._stream("slip"))
-        self.scan_times_s = self._times(parameters.laser_rate, self._scanner().sweep_s)
-        if not len(self.scan_times_s):
+        self.scan_times_s, self.cloud_times_s = np.zeros(0), np.zeros(0)
+        if parameters.laser_enabled:
+            self.scan_times_s = self._times(parameters.laser_rate, self._scanner().sweep_s)
+        if parameters.lidar3d_enabled:
+            self.cloud_times_s = self._times(parameters.lidar3d_rate, 1.0 / parameters.lidar3d_rate)
+        if not len(self.scan_times_s) and not len(self.cloud_times_s):
             raise UsageError(
                 f"no scan fits into {self.motion.duration_s:g} s: give a longer duration or a higher laser.rate"
             )
@@ -79,15 +87,21 @@ class Simulation:
         return self.motion.duration_s
 
     def messages(self) -> Iterator[Message]:
-        """Yield every measurement in the order of log times: /tf_static, /scan, /odom, /tf, /ground_truth, /imu."""
+        """Yield every measurement in the order of log times: /tf_static, /scan, /odom, /tf, /ground_truth, /imu, /points."""
         streams = [self._statics(), self._scans(), self._wheels(), self._truth()]
         if self.parameters.imu_enabled:
             streams.append(self._inertial())
+        if self.parameters.lidar3d_enabled:
+            streams.append(self._clouds())
         yield from heapq.merge(*streams, key=lambda message: message.log_time_ns)
 
     def truth(self) -> Trajectory:
-        """Return where base_link truly was when each scan began, under the stamp that the scan carries."""
-        return Trajectory.from_se2(self._scan_stamps_ns(), self.motion.at(self.scan_times_s), MAP_FRAME, BASE_FRAME)
+        """Return where base_link truly was when each scan (without a planar scanner: cloud) began, under its stamp."""
+        times = self.scan_times_s if self.parameters.laser_enabled else self.cloud_times_s
+        positions, rotations = self.ride.at(times)
+        return Trajectory(
+            self._scan_stamps_ns(times), positions, quaternion.from_matrix(rotations), MAP_FRAME, BASE_FRAME
+        )
 
     def true_map(self) -> OccupancyGrid:
         """Return the map that a perfect survey of the world would give (cells of `map.resolution`)."""
@@ -108,15 +122,22 @@ class Simulation:
         jitter = jitter_s * self._stream(name).standard_normal(len(times_s))
         return self._stamps_ns(times_s + jitter, offset_s)
 
-    def _scan_stamps_ns(self) -> NDArray[np.int64]:
+    def _scan_stamps_ns(self, times_s: Array) -> NDArray[np.int64]:
         p = self.parameters
-        return self._jittered_ns(self.scan_times_s, p.clock_laser_offset, p.clock_laser_jitter, "laser clock")
+        return self._jittered_ns(times_s, p.clock_laser_offset, p.clock_laser_jitter, "laser clock")
 
     def _scanner(self) -> laser.Scanner:
-        return laser.Scanner(self.world, self.motion, self.crowd, self.parameters, self._stream("laser"))
+        in_space = None if self.world.relief is None else self._space
+        return laser.Scanner(self.world, self.ride, in_space, self.crowd, self.parameters, self._stream("laser"))
+
+    def _spinner(self) -> lidar3d.SpinningScanner:
+        assert self._space is not None  # noqa: S101 - for the type checker
+        return lidar3d.SpinningScanner(self._space, self.ride, self.crowd, self.parameters, self._stream("lidar3d"))
 
     def _statics(self) -> Iterator[Message]:
-        mounts = [(laser.FRAME, *self._scanner().mount())]
+        mounts = [(laser.FRAME, *self._scanner().mount())] if self.parameters.laser_enabled else []
+        if self.parameters.lidar3d_enabled:
+            mounts.append((lidar3d.FRAME, *self._spinner().mount()))
         if self.parameters.imu_enabled:
             p = self.parameters
             mounts.append((imu.FRAME, np.array([p.imu_x, p.imu_y, p.imu_z]), np.array([0.0, 0.0, 0.0, 1.0])))
@@ -129,18 +150,25 @@ class Simulation:
             yield Message(stamp, STATIC_TOPIC, transform)
 
     def _scans(self) -> Iterator[Message]:
-        scanner = self._scanner()
-        logs = self._stamps_ns(self.scan_times_s + scanner.sweep_s)
-        for time_s, stamp, log in zip(self.scan_times_s, self._scan_stamps_ns().tolist(), logs.tolist(), strict=True):
+        scanner, times = self._scanner(), self.scan_times_s
+        logs = self._stamps_ns(times + scanner.sweep_s)
+        for time_s, stamp, log in zip(times, self._scan_stamps_ns(times).tolist(), logs.tolist(), strict=True):
             yield Message(log, laser.TOPIC, scanner.scan(float(time_s), stamp))
+
+    def _clouds(self) -> Iterator[Message]:
+        spinner, times = self._spinner(), self.cloud_times_s
+        logs = self._stamps_ns(times + spinner.sweep_s)
+        for time_s, stamp, log in zip(times, self._scan_stamps_ns(times).tolist(), logs.tolist(), strict=True):
+            yield Message(log, lidar3d.TOPIC, spinner.cloud(float(time_s), stamp))
 
     def _wheels(self) -> Iterator[Message]:
         p, times = self.parameters, self.odometry_times_s
-        poses = odometry.wheel_poses(self.motion, times, self.slips_s, p, self._stream("odometry"))
+        poses = odometry.wheel_poses(self.ride, times, self.slips_s, p, self._stream("odometry"))
         stamps = self._jittered_ns(times, p.clock_odometry_offset, p.clock_odometry_jitter, "odometry clock")
         told = np.diff(poses, axis=0, prepend=poses[:1]) * p.odometry_rate
         speeds = np.column_stack([np.cos(poses[:, 2]) * told[:, 0] + np.sin(poses[:, 2]) * told[:, 1], told[:, 2]])
-        for message in _odometry(ODOM_TOPIC, ODOM_FRAME, stamps, self._stamps_ns(times), poses, speeds):
+        level = np.column_stack([poses[:, :2], np.zeros(len(poses))]), quaternion.from_yaw(poses[:, 2])
+        for message in _odometry(ODOM_TOPIC, ODOM_FRAME, stamps, self._stamps_ns(times), *level, speeds):
             yield message
             pose = message.measurement
             assert isinstance(pose, Odometry)  # noqa: S101 - for the type checker
@@ -153,13 +181,13 @@ class Simulation:
     def _truth(self) -> Iterator[Message]:
         times = self._times(self.parameters.truth_rate)
         stamps = self._stamps_ns(times)
-        yield from _odometry(
-            TRUTH_TOPIC, MAP_FRAME, stamps, stamps, self.motion.at(times), self.motion.speeds_at(times)
-        )
+        positions, rotations = self.ride.at(times)
+        quats = quaternion.from_matrix(rotations)
+        yield from _odometry(TRUTH_TOPIC, MAP_FRAME, stamps, stamps, positions, quats, self.motion.speeds_at(times))
 
     def _inertial(self) -> Iterator[Message]:
         times = self._times(self.parameters.imu_rate)
-        angular, force = imu.inertial(self.motion, times, self.parameters, self._stream("imu"))
+        angular, force = imu.inertial(self.ride, times, self.parameters, self._stream("imu"))
         for stamp, turn, pull in zip(self._stamps_ns(times).tolist(), angular, force, strict=True):
             sample = ImuSample(
                 stamp_ns=stamp, frame_id=imu.FRAME, angular_rad_s=turn, acceleration_m_s2=pull, topic=imu.TOPIC
@@ -168,12 +196,11 @@ class Simulation:
 
 
 def _odometry(
-    topic: str, frame: str, stamps_ns: NDArray[np.int64], logs_ns: NDArray[np.int64], poses: Array, speeds: Array
-) -> Iterator[Message]:
-    positions = np.column_stack([poses[:, :2], np.zeros(len(poses))])
-    quats = quaternion.from_yaw(poses[:, 2])
-    linear = np.column_stack([speeds[:, 0], np.zeros((len(poses), 2))])
-    angular = np.column_stack([np.zeros((len(poses), 2)), speeds[:, 1]])
+    topic: str, frame: str, stamps_ns: NDArray[np.int64], logs_ns: NDArray[np.int64], positions: Array, quats: Array,
+    speeds: Array,
+) -> Iterator[Message]:  # fmt: skip
+    linear = np.column_stack([speeds[:, 0], np.zeros((len(speeds), 2))])
+    angular = np.column_stack([np.zeros((len(speeds), 2)), speeds[:, 1]])
     rows = zip(stamps_ns.tolist(), logs_ns.tolist(), positions, quats, linear, angular, strict=True)
     for stamp, log, position, quat, v, w in rows:
         told = Odometry(
@@ -181,3 +208,17 @@ def _odometry(
             linear_m_s=v, angular_rad_s=w, topic=topic,
         )  # fmt: skip
         yield Message(log, topic, told)
+
+
+def _check(world: World, parameters: SimulationParameters) -> None:
+    p = parameters
+    for name, low, high in (
+        ("laser", p.laser_range_min, p.laser_range_max),
+        ("lidar3d", p.lidar3d_range_min, p.lidar3d_range_max),
+    ):
+        if low >= high:
+            raise UsageError(f"{name}.range_min {low:g} m is not below {name}.range_max {high:g} m")
+    if not p.laser_enabled and not p.lidar3d_enabled:
+        raise UsageError("a robot without sensors: laser.enabled or lidar3d.enabled must be true")
+    if world.grid is not None and (world.relief is not None or p.lidar3d_enabled):
+        raise ConfigError(f"world {world.name}: the cells of a grid have no heights: a spinning scanner needs walls")

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.grids import OccupancyGrid
+from slamcli.simulation.relief import Relief
 
 OCCUPIED_FROM = 65
 """Cells of at least this occupancy (percent) are walls, as map_server's default threshold has it."""
@@ -48,6 +49,8 @@ class World:
     rounds: int = 1
     """How often the waypoints are driven through."""
     walkers: tuple[Walker, ...] = ()
+    relief: Relief | None = None
+    """What stands how high on which ground; None: a level floor with walls of 2.5 m."""
     settings: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     """Values of `SimulationParameters` by native name that belong to this world."""
     description: str = ""
@@ -68,6 +71,8 @@ class World:
         if self.grid is not None:
             h, w = self.grid.height, self.grid.width
             points.append(self.grid.cell_to_map(np.array([[0, 0], [0, w], [h, 0], [h, w]]) - 0.5))
+        if self.relief is not None:
+            points.append(np.array(self.relief.ground.corners))
         stacked = np.concatenate(points)
         low, high = stacked.min(axis=0), stacked.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])

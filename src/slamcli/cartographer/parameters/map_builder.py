@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slamcli.cartographer.parameters.tables import count
+from slamcli.errors import ConfigError
 from slamcli.parameters import group, parameter
 
 
@@ -27,6 +28,10 @@ class MapBuilder:
         "wait for late sensors within one trajectory only; here all data is there from the start",
         effective=False,
     )
+
+    def __post_init__(self) -> None:
+        if self.use_trajectory_builder_2d and self.use_trajectory_builder_3d:
+            raise ConfigError("MAP_BUILDER: use_trajectory_builder_2d and use_trajectory_builder_3d: set one of them")
 
     @property
     def dimensions(self) -> int | None:

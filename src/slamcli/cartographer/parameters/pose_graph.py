@@ -137,7 +137,7 @@ class OverlappingSubmapsTrimmer2d:
 class PoseGraph:
     """``POSE_GRAPH``."""
 
-    optimize_every_n_nodes: int = count(90, "optimise after this many nodes; 0: never, not even at the end")
+    optimize_every_n_nodes: int = count(90, "optimise after this many nodes; 0: only at the end")
     constraint_builder: ConstraintBuilder = group(ConstraintBuilder())
     matcher_translation_weight: float = weight(5e2, "weight of a node's translation in the submaps that it is part of")
     matcher_rotation_weight: float = weight(1.6e3, "weight of a node's rotation in the submaps that it is part of")

@@ -15,6 +15,7 @@ from slamcli.cartographer.parameters.tables import (
     length,
     weight,
 )
+from slamcli.errors import ConfigError
 from slamcli.parameters import group, parameter
 
 
@@ -102,6 +103,14 @@ class Submaps2d:
     grid_options_2d: GridOptions2d = group(GridOptions2d())
     range_data_inserter: RangeDataInserter2d = group(RangeDataInserter2d())
 
+    def __post_init__(self) -> None:
+        grid, inserter = self.grid_options_2d.grid_type, self.range_data_inserter.range_data_inserter_type
+        if inserter != f"{grid}_INSERTER_2D":
+            raise ConfigError(
+                f"TRAJECTORY_BUILDER_2D.submaps: range_data_inserter_type {inserter} does not go with grid_type {grid}: "
+                f"set it to {grid}_INSERTER_2D"
+            )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrajectoryBuilder2d:
@@ -135,3 +144,9 @@ class TrajectoryBuilder2d:
     )
     pose_extrapolator: PoseExtrapolator = group(PoseExtrapolator())
     submaps: Submaps2d = group(Submaps2d())
+
+    def __post_init__(self) -> None:
+        if self.min_range >= self.max_range:
+            raise ConfigError("TRAJECTORY_BUILDER_2D: min_range must be below max_range")
+        if self.min_z > self.max_z:
+            raise ConfigError("TRAJECTORY_BUILDER_2D: min_z must not be above max_z")

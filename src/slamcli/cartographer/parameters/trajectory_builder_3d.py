@@ -16,6 +16,7 @@ from slamcli.cartographer.parameters.tables import (
     length,
     weight,
 )
+from slamcli.errors import ConfigError
 from slamcli.parameters import group, parameter
 
 
@@ -100,3 +101,7 @@ class TrajectoryBuilder3d:
     pose_extrapolator: PoseExtrapolator = group(PoseExtrapolator())
     submaps: Submaps3d = group(Submaps3d())
     use_intensities: bool = parameter(False, "align intensities as well")
+
+    def __post_init__(self) -> None:
+        if self.min_range >= self.max_range:
+            raise ConfigError("TRAJECTORY_BUILDER_3D: min_range must be below max_range")

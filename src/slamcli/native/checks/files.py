@@ -7,6 +7,9 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from slamcli.errors import ConfigError
+from slamcli.native.cartographer_launch import find_configuration
+from slamcli.native.cartographer_lua import read_cartographer_lua
+from slamcli.native.checks.cartographer import check_cartographer
 from slamcli.native.checks.costmap import check_costmap
 from slamcli.native.checks.findings import ERROR, NOTE, Finding, at, below, check_declared
 from slamcli.native.checks.gmapping import check_gmapping
@@ -15,7 +18,7 @@ from slamcli.native.checks.navigation import PLANNERS, check_amcl, check_move_ba
 from slamcli.native.launch import LaunchNode, read_launch
 from slamcli.native.ros_parameters.costmap import COSTMAP, LAYERS, PRE_HYDRO
 from slamcli.native.ros_yaml import read_ros_yaml
-from slamcli.native.settings import Setting, merge
+from slamcli.native.settings import Setting, merge, shipped_folders
 from slamcli.parameters import Declaration
 
 Check = Callable[[Mapping[str, Setting]], Iterator[Finding]]
@@ -33,41 +36,46 @@ _PACKAGES = {
 _COSTMAP_KEYS = {e.name for e in (*COSTMAP, *PRE_HYDRO)} | set(LAYERS) | {"footprint", "plugins"}
 
 
-def check_file(path: Path, gmapping: tuple[Declaration, ...], beams: int | None = None) -> tuple[Finding, ...]:
+Tables = Mapping[str, tuple[Declaration, ...]]
+
+
+def check_file(path: Path, tables: Tables, beams: int | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with one native file, in the order of its lines.
 
     Parameters
     ----------
     path
-        A launch file (``.launch``, ``.xml``) or ROS parameter YAML, or a map's YAML.
-    gmapping
-        The declarations of the gmapping tier.
+        A launch file (``.launch``, ``.xml``) or ROS parameter YAML, or a map's YAML, or a Lua file of Cartographer.
+    tables
+        The declarations of the tiers ``gmapping`` and ``cartographer``.
     beams
         The number of beams of the scanner that will be used, if known.
     """
 
     def check_node(settings: Mapping[str, Setting]) -> Iterator[Finding]:
-        yield from check_declared(settings, gmapping, "slam_gmapping")
+        yield from check_declared(settings, tables["gmapping"], "slam_gmapping")
         yield from check_gmapping(settings, beams)
 
     try:
-        found = list(_check(path, check_node))
+        found = list(_check(path, check_node, tables))
     except ConfigError as error:
         return (_from_error(path, error),)
     unique = dict.fromkeys(found)
     return tuple(sorted(unique, key=lambda finding: (finding.file != str(path), finding.file, finding.line)))
 
 
-def _check(path: Path, gmapping: Check) -> Iterator[Finding]:
+def _check(path: Path, gmapping: Check, tables: Tables) -> Iterator[Finding]:
     suffix = path.suffix.lower()
     if suffix in (".launch", ".xml"):
-        return _check_launch(path, gmapping)
+        return _check_launch(path, gmapping, tables)
     if suffix in (".yaml", ".yml"):
         return _check_yaml(merge(read_ros_yaml(path)), path, gmapping)
-    if suffix in (".lua", ".ini") and path.is_file():
+    if suffix == ".lua":
+        return check_cartographer(read_cartographer_lua(path, shipped_folders()), tables["cartographer"])
+    if suffix == ".ini" and path.is_file():
         return iter([Finding(NOTE, str(path), 0, f"not checked: no system that is here reads {suffix} files")])
     raise ConfigError(
-        f"{path}: launch files (.launch, .xml) and .yaml are checked, not {suffix or 'files without suffix'}"
+        f"{path}: launch files (.launch, .xml), .yaml and .lua are checked, not {suffix or 'files without suffix'}"
     )
 
 
@@ -80,19 +88,29 @@ def _from_error(path: Path, error: ConfigError) -> Finding:
     return Finding(ERROR, str(path), 0, message if head == str(path) else text)
 
 
-def _check_launch(path: Path, gmapping: Check) -> Iterator[Finding]:
+def _check_launch(path: Path, gmapping: Check, tables: Tables) -> Iterator[Finding]:
     launch = read_launch(path)
     checks: dict[str, Check] = {"slam_gmapping": gmapping, "amcl": check_amcl, "move_base": check_move_base}
     for node in launch.nodes:
         yield from _check_package(node)
         if node.type in checks:
             yield from checks[node.type](node.params)
+        elif node.type in ("cartographer_node", "cartographer_offline_node"):
+            yield from _check_cartographer_node(node, tables)
         elif node.params:
             yield Finding(NOTE, node.file, node.line, f"the parameters of {node.package}/{node.type} are not checked")
     for note in launch.notes:
         place, _, message = note.partition(": ")
         file, _, line = place.rpartition(":")
         yield Finding(NOTE, file, int(line), message)
+
+
+def _check_cartographer_node(node: LaunchNode, tables: Tables) -> Iterator[Finding]:
+    found = find_configuration(node, shipped_folders())
+    for note in found.notes:
+        yield Finding(NOTE, node.file, node.line, note.partition(": ")[2])
+    file = read_cartographer_lua(found.path, (*found.folders, *shipped_folders()))
+    yield from check_cartographer(file, tables["cartographer"])
 
 
 def _check_package(node: LaunchNode) -> Iterator[Finding]:

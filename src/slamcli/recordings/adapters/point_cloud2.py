@@ -13,11 +13,23 @@ from slamcli.measurements import PointCloud
 from slamcli.recordings.adapters.adapter import Adapter
 from slamcli.recordings.adapters.context import DecodeContext
 from slamcli.recordings.adapters.messages import MessageFactory
+from slamcli.recordings.point_times import point_times
 
 # sensor_msgs/PointField datatypes.
 _DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
-_TIME_FIELDS = ("t", "time", "timestamp", "offset_time", "time_stamp", "time_offset")
+_TIME_FIELDS = (
+    "t",
+    "time",
+    "timestamp",
+    "offset_time",
+    "time_stamp",
+    "time_offset",
+    "t_offset",
+    "point_time_offset",
+    "relative_time",
+)
 _INTENSITY_FIELDS = ("intensity", "intensities", "i", "reflectivity")
+_RING_FIELDS = ("ring", "channel", "line", "laser_id")
 
 
 def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[PointCloud]:
@@ -26,18 +38,30 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[PointC
     if missing:
         raise DataError(f"point cloud without field {missing[0]} (it has {', '.join(columns) or 'none'})")
     points = np.column_stack([columns[name].astype(np.float32) for name in ("x", "y", "z")])
-    valid = np.isfinite(points).all(axis=1)
+    # Drivers of organised clouds write NaN, or exactly zero, where a beam had no return.
+    valid = np.isfinite(points).all(axis=1) & points.any(axis=1)
     times = next((columns[name] for name in _TIME_FIELDS if name in columns), None)
     intensities = next((columns[name] for name in _INTENSITY_FIELDS if name in columns), None)
+    rings = next((columns[name] for name in _RING_FIELDS if name in columns and columns[name].dtype.kind in "iu"), None)
+    organised = int(message.height) > 1
     recorded_ns = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+    offset_ns = None
     if times is not None:
         valid &= np.isfinite(times)
+        offset_ns, own_clock = point_times(times[valid], recorded_ns)
+        if offset_ns is None:
+            context.count("clouds whose point times are no times")
+        elif own_clock:
+            context.count("clouds whose point times are of another clock than the stamp: the first is put at the stamp")
     cloud = PointCloud(
         stamp_ns=stamp_ns,
         frame_id=context.frame(message.header.frame_id),
         points_m=points[valid],
-        offset_ns=None if times is None else offsets_ns(times[valid], recorded_ns),
+        offset_ns=offset_ns,
         intensities=None if intensities is None else intensities[valid].astype(np.float32),
+        rings=None if rings is None else rings[valid].astype(np.uint16),
+        shape=(int(message.height), int(message.width)) if organised else None,
+        cells=np.flatnonzero(valid) if organised else None,
         topic=context.topic,
     )
     return (cloud,)
@@ -71,81 +95,53 @@ def _columns(message: Any) -> dict[str, NDArray[Any]]:
     return columns
 
 
-def offsets_ns(times: NDArray[Any], stamp_ns: int) -> NDArray[np.int64]:
-    """Return when points were measured, int64 (N,) ns after the header stamp.
-
-    Drivers write seconds or nanoseconds (or microseconds), relative to the header or absolute, and no field says which:
-    whole numbers are ns unless a sweep of them would last under 0.2 ms (then they are us); fractions are told by their
-    size, since no sweep lasts longer than 1000 s.
-    """
-    if len(times) == 0:
-        return np.zeros(0, dtype=np.int64)
-    with np.errstate(invalid="ignore", over="ignore"):
-        return _in_ns(times, stamp_ns)
-
-
-def _in_ns(times: NDArray[Any], stamp_ns: int) -> NDArray[np.int64]:
-    largest = float(np.abs(times).max())
-    unit = _unit_ns(times, largest)
-    if largest * unit > 1e17:  # later than 1973: absolute
-        if np.issubdtype(times.dtype, np.integer):
-            return times.astype(np.int64) * round(unit) - stamp_ns
-        # Subtracted in the unit of the field first: a float64 holds 1.7e9 s to 0.2 us, but its product with 1e9 no better.
-        whole, rest = divmod(stamp_ns, round(unit))
-        return np.asarray(np.rint((times.astype(np.float64) - whole) * unit - rest), dtype=np.int64)
-    return np.asarray(np.rint(times.astype(np.float64) * unit), dtype=np.int64)
-
-
-def _unit_ns(times: NDArray[Any], largest: float) -> float:
-    """Return how many ns the unit of a time field is."""
-    if np.issubdtype(times.dtype, np.integer):
-        return 1e3 if 0 < largest < 2e5 else 1.0
-    if largest > 1e17:
-        return 1.0
-    if largest > 1e14:
-        return 1e3
-    if largest > 1e8:
-        # Absolute seconds, or a sweep of 0.1 s and more in ns: float32 cannot hold the former.
-        return 1e9 if times.dtype.itemsize == 8 and largest > 5e8 else 1.0
-    if largest > 1e6:
-        return 1.0
-    return 1e3 if largest > 1e3 else 1e9
-
-
 def _encode(cloud: PointCloud, messages: MessageFactory) -> Any:
-    names = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
+    columns: dict[str, NDArray[Any]] = {name: cloud.points_m[:, axis] for axis, name in enumerate("xyz")}
     if cloud.intensities is not None:
-        names.append(("intensity", "<f4"))
-    timed = cloud.offset_ns is not None and len(cloud.points_m) > 0
-    # Offsets before the stamp do not fit an unsigned "t": then they are float64 seconds, as "time".
-    unsigned = timed and cloud.offset_ns is not None and cloud.offset_ns.min() >= 0 and cloud.offset_ns.max() >= 2e5
-    if timed:
-        names.append(("t", "<u4") if unsigned else ("time", "<f8"))
-    table = np.zeros(len(cloud.points_m), dtype=names)
-    for axis, name in enumerate("xyz"):
-        table[name] = cloud.points_m[:, axis]
-    if cloud.intensities is not None:
-        table["intensity"] = cloud.intensities
-    if timed and cloud.offset_ns is not None:
-        table[names[-1][0]] = cloud.offset_ns if unsigned else cloud.offset_ns / 1e9
-    datatypes = {"<f4": 7, "<u4": 6, "<f8": 8}
-    offsets = np.cumsum([0] + [np.dtype(kind).itemsize for _, kind in names])
+        columns["intensity"] = cloud.intensities
+    if cloud.rings is not None:
+        columns["ring"] = cloud.rings
+    if cloud.offset_ns is not None and len(cloud.points_m) > 0:
+        # Offsets before the stamp do not fit an unsigned "t": then they are float64 seconds, as "time".
+        unsigned = cloud.offset_ns.min() >= 0 and 2e5 <= cloud.offset_ns.max() < 1 << 32
+        columns["t" if unsigned else "time"] = cloud.offset_ns.astype(np.uint32) if unsigned else cloud.offset_ns / 1e9
+    order = sorted(columns, key=lambda name: name == "ring")  # its two bytes last: the others keep to multiples of four
+    kinds = {
+        name: "<u2" if name == "ring" else "<u4" if name == "t" else "<f8" if name == "time" else "<f4"
+        for name in order
+    }
+    table = _laid_out(cloud, [(name, kinds[name]) for name in order])
+    for name in order:
+        table[name][slice(None) if cloud.cells is None else cloud.cells] = columns[name]
+    datatypes = {"<u2": 4, "<u4": 6, "<f4": 7, "<f8": 8}
+    offsets = np.cumsum([0] + [np.dtype(kinds[name]).itemsize for name in order])
     fields = [
-        messages.make("sensor_msgs/msg/PointField", name, int(offset), datatypes[kind], 1)
-        for (name, kind), offset in zip(names, offsets, strict=False)
+        messages.make("sensor_msgs/msg/PointField", name, int(offset), datatypes[kinds[name]], 1)
+        for name, offset in zip(order, offsets, strict=False)
     ]
+    height, width = cloud.shape or (1, len(table))
     return messages.make(
         "sensor_msgs/msg/PointCloud2",
         messages.header(cloud.stamp_ns, cloud.frame_id),
-        1,
-        len(table),
+        height,
+        width,
         fields,
         False,
         table.dtype.itemsize,
-        table.nbytes,
+        table.dtype.itemsize * width,
         table.view(np.uint8).reshape(-1),
-        True,
+        cloud.shape is None,
     )
+
+
+def _laid_out(cloud: PointCloud, layout: list[tuple[str, str]]) -> NDArray[Any]:
+    """Return a table (N,) for the points, or (height * width,) full of NaN for an organised cloud."""
+    if cloud.shape is None:
+        return np.zeros(len(cloud.points_m), dtype=layout)
+    table = np.zeros(cloud.shape[0] * cloud.shape[1], dtype=layout)
+    for name in "xyz":
+        table[name] = np.nan
+    return table
 
 
 ADAPTER = Adapter(msgtypes=("sensor_msgs/msg/PointCloud2",), produces=PointCloud, decode=_decode, encode=_encode)

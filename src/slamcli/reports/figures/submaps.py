@@ -10,12 +10,12 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.posegraph import Submap
 from slamcli.reports.figures import raster
 
 _MOST = 48
 _PIXELS = 280
+_SHADES = 12
 _UNKNOWN = (208, 214, 222)
 
 
@@ -45,7 +45,8 @@ def submap_pixels(submap: Submap) -> NDArray[np.uint8] | None:
     pool = max(1, -(-max(occupied.shape) // _PIXELS))
     if pool > 1:
         occupied = _pooled(occupied, pool)
-    shade = np.round(255 - 231 * np.clip(np.nan_to_num(occupied), 0.0, 1.0))[..., None]
+    # Few shades make small files, and show as much.
+    shade = np.round(255 - 231 * np.round(np.clip(np.nan_to_num(occupied), 0.0, 1.0) * _SHADES) / _SHADES)[..., None]
     pixels = np.where(np.isnan(occupied)[..., None], np.array(_UNKNOWN), shade)
     return pixels[::-1].astype(np.uint8)
 
@@ -55,6 +56,8 @@ def _plane(submap: Submap) -> NDArray[np.float64] | None:
     grid = submap.grid
     if grid is None:
         return None
+    from slamcli.grids.probability_grid import ProbabilityGrid  # loads kernels; where there is a grid they are loaded
+
     if isinstance(grid, ProbabilityGrid):
         known = grid.cells > 0
         occupied = (grid.probabilities().astype(np.float64) - 0.1) / 0.8

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: MIT
+"""Reads a system's own files for one tier: launch files, parameter YAML, Lua."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from slamcli.errors import ConfigError
+from slamcli.native import LaunchNode, Setting, is_preset, read_cartographer_lua, read_launch, read_ros_yaml
+from slamcli.native.cartographer_launch import find_configuration
+from slamcli.native.settings import shipped_folders
+from slamcli.parameters import Declaration
+from slamcli.runtime import RunLog
+
+CARTOGRAPHER = "cartographer"
+# Nodes of a launch file that a tier stands for, by their type.
+_NODES = {"gmapping": ("slam_gmapping",), CARTOGRAPHER: ("cartographer_node", "cartographer_offline_node")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NativeFile:
+    """What one file says to one tier."""
+
+    settings: Sequence[Setting]
+    remaps: Mapping[str, str] = field(default_factory=dict)
+    """Topics by the names that the node gives them."""
+
+
+def read_native(
+    algo: str, path: Path, log: RunLog, arguments: Mapping[str, str], known: Mapping[str, Declaration]
+) -> NativeFile:
+    """Return what a native file says to a tier.
+
+    Parameters
+    ----------
+    algo
+        Name of the tier.
+    path
+        The file; its suffix says what it is.
+    log
+        Gets a note for what was skipped, and a warning for what does not do what it seems to.
+    arguments
+        Values for the arguments of a launch file.
+    known
+        The tier's declarations by native name.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read or holds nothing for this tier.
+    """
+    suffix = path.suffix.lower()
+    if suffix in (".launch", ".xml"):
+        return _read_launch(algo, path, log, arguments, known)
+    if algo == CARTOGRAPHER:
+        if suffix == ".lua":
+            return NativeFile(settings=_read_lua(path, (), log, known))
+        raise ConfigError(f"{path}: {algo} reads Lua files (.lua) and launch files (.launch, .xml)")
+    if suffix in (".yaml", ".yml"):
+        return NativeFile(settings=[_own(setting, algo) for setting in read_ros_yaml(path)])
+    hint = f"; Lua files are for --algo {CARTOGRAPHER}" if suffix == ".lua" else ""
+    raise ConfigError(f"{path}: {algo} reads launch files (.launch, .xml) and parameter files (.yaml){hint}")
+
+
+def _read_launch(
+    algo: str, path: Path, log: RunLog, arguments: Mapping[str, str], known: Mapping[str, Declaration]
+) -> NativeFile:
+    launch = read_launch(path, arguments)
+    for note in launch.notes:
+        log.note(note)
+    nodes = [node for node in launch.nodes if node.type in _NODES.get(algo, (algo,))]
+    if not nodes:
+        there = ", ".join(f"{node.package}/{node.type}" for node in launch.nodes) or "none"
+        raise ConfigError(f"{path}: starts no node of {algo} (nodes: {there})")
+    if len(nodes) > 1:
+        log.warn(f"{path}: starts {len(nodes)} nodes of {algo}: {nodes[0].name} at line {nodes[0].line} is taken")
+    node = nodes[0]
+    settings = _launched_lua(node, log, known) if algo == CARTOGRAPHER else tuple(node.params.values())
+    return NativeFile(settings=settings, remaps={name.strip("/"): topic for name, topic in node.remaps.items()})
+
+
+def _launched_lua(node: LaunchNode, log: RunLog, known: Mapping[str, Declaration]) -> tuple[Setting, ...]:
+    """Return what the Lua file sets that a launch file names in the arguments of a node."""
+    found = find_configuration(node, shipped_folders())
+    for note in found.notes:
+        log.note(note)
+    for name in node.params:
+        log.note(f"{node.file}:{node.line}: {node.type} reads no parameter {name!r}")
+    return _read_lua(found.path, found.folders, log, known)
+
+
+def _read_lua(
+    path: Path, folders: Sequence[Path], log: RunLog, known: Mapping[str, Declaration]
+) -> tuple[Setting, ...]:
+    """Return what a Lua file sets, without the defaults that it includes."""
+    found = read_cartographer_lua(path, (*folders, *shipped_folders()))
+    for misfit in found.misfits:
+        log.warn(f"{path}: {misfit.message}")
+    for setting in found.settings:
+        entry = known.get(setting.name)
+        if entry is not None and entry.kind is bool and not isinstance(setting.value, bool):
+            raise ConfigError(
+                f"{setting.source}: {setting.name}={setting.value!r}: write true or false, without quotes"
+            )
+    return tuple(
+        setting
+        for setting in found.settings
+        if not (is_preset(setting.file) and setting.name in known and setting.value == known[setting.name].default)
+    )
+
+
+def _own(setting: Setting, algo: str) -> Setting:
+    """Strip the node's name that a YAML file may put before its parameters."""
+    parts = setting.name.split("/")
+    while len(parts) > 1 and parts[0] in (*_NODES.get(algo, ()), algo, "ros__parameters"):
+        parts = parts[1:]
+    return dataclasses.replace(setting, name="/".join(parts))

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: MIT
+"""States from files, to go on from; and the map and trajectory that are in one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from slamcli.errors import EstimationError, UsageError
+from slamcli.formats.pbstream import read_state
+from slamcli.mapper import MappingResult, find_tier
+from slamcli.posegraph import MapState, freeze, merge_states
+from slamcli.posegraph.rendering import draw_state, state_trajectory
+from slamcli.runtime import RunLog
+
+
+def load_states(paths: Sequence[Path], frozen: Sequence[Path], log: RunLog) -> MapState | None:
+    """Return the states of all files in one, trajectories numbered in the order of the files, `frozen` after `paths`.
+
+    Returns None if there is no file.
+
+    Raises
+    ------
+    FormatError
+        If a file is no ``.pbstream``, or a damaged one.
+    """
+    if not paths and not frozen:
+        return None
+    with log.stage("load state"):
+        states = [read_state(path, log=log) for path in paths]
+        states += [freeze(read_state(path, log=log)) for path in frozen]
+        return merge_states(states)
+
+
+def check_resumes(algo: str, *, loads: bool, saves: bool) -> None:
+    """Refuse to load or save a state with a tier that has none.
+
+    Raises
+    ------
+    UsageError
+        If the tier does not go on from states.
+    """
+    if (loads or saves) and not find_tier(algo).resumes:
+        option = "--load-state" if loads else "--save-state"
+        raise UsageError(f"{option}: {algo} has no state that can be saved; --algo cartographer has")
+
+
+def result_of(state: MapState, *, map_frame: str, base_frame: str, log: RunLog) -> MappingResult:
+    """Return what is in a state as the result of a run: map, trajectory of its nodes, and the state itself.
+
+    Raises
+    ------
+    EstimationError
+        If there is no node in the state.
+    """
+    trajectory = state_trajectory(state, frame_id=map_frame, child_frame_id=base_frame)
+    grid = None
+    with log.stage("draw map"):
+        try:
+            grid = draw_state(state, map_frame)
+        except EstimationError as error:
+            log.warn(str(error))
+    return MappingResult(
+        trajectory=trajectory, grid=grid, keyframes=trajectory, state=state, summary=state_summary(state)
+    )
+
+
+def state_summary(state: MapState) -> dict[str, Any]:
+    """Return the numbers of trajectories, nodes, submaps and constraints."""
+    kinds = Counter(constraint.kind for constraint in state.constraints)
+    return {
+        "trajectories": len(state.trajectories),
+        "nodes": len(state.nodes),
+        "submaps": len(state.submaps),
+        "constraints_intra": kinds["intra"],
+        "constraints_inter": kinds["inter"],
+    }

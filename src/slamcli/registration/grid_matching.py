@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: MIT
+"""Alignment of scans with a probability grid: least squares on the bicubic grid, and exhaustive search in a window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.grids.probability_grid import ProbabilityGrid, cost_of
+from slamcli.registration import _grid_kernels as _kernels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeastSquaresMatch:
+    """Weights of the nonlinear least squares match (Hess et al., ICRA 2016, equation CS), with a pull to the prediction."""
+
+    occupied_space_weight: float = 1.0
+    translation_weight: float = 10.0
+    rotation_weight: float = 40.0
+    max_num_iterations: int = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrelativeMatch:
+    """Window and penalties of the real-time correlative match (Olson, ICRA 2009)."""
+
+    linear_search_window_m: float = 0.1
+    angular_search_window_rad: float = math.radians(20.0)
+    translation_delta_cost_weight: float = 0.1
+    rotation_delta_cost_weight: float = 0.1
+
+
+def match_least_squares(
+    grid: ProbabilityGrid,
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    prior: NDArray[np.float64],
+    settings: LeastSquaresMatch,
+) -> tuple[NDArray[np.float64], float]:
+    """Return the pose (3,) at which the points lie best on occupied cells, and the cost of the grid term.
+
+    Minimises ``1/2 (w_o^2 / N sum (1 - M(T p_k))^2 + w_t^2 |t - t_prior|^2 + w_r^2 (yaw - yaw_prior)^2)`` by
+    Levenberg-Marquardt from `start`, where M is the bicubic interpolation of the grid's probabilities.
+
+    Parameters
+    ----------
+    points : float64 (N, 2), in the frame whose pose is sought, metres.
+    start, prior : float64 (3,), x, y, yaw in the grid's frame.
+    """
+    s = settings
+    x, y, yaw, cost = _kernels.match(
+        grid.cells, cost_table(), *grid.origin, 1.0 / grid.resolution_m, points, start, prior,
+        s.occupied_space_weight, s.translation_weight, s.rotation_weight, s.max_num_iterations,
+    )  # fmt: skip
+    return np.array([x, y, yaw]), cost
+
+
+def match_correlative(
+    grid: ProbabilityGrid, points: NDArray[np.float64], prior: NDArray[np.float64], settings: CorrelativeMatch
+) -> tuple[NDArray[np.float64], float]:
+    """Return the best pose (3,) of a window around the prior, and its score: mean probability times a penalty for the distance.
+
+    The angular step moves the farthest point by one cell. Without points that is the prior, with a score of 0.
+    """
+    if len(points) == 0:
+        return prior.copy(), 0.0
+    s = settings
+    step = angular_step(grid.resolution_m, float(np.hypot(points[:, 0], points[:, 1]).max()))
+    x, y, yaw, best = _kernels.best_in_window(
+        grid.cells, probability_table(), *grid.origin, 1.0 / grid.resolution_m, points, prior,
+        math.ceil(s.linear_search_window_m / grid.resolution_m), grid.resolution_m,
+        math.ceil(s.angular_search_window_rad / step), step, s.translation_delta_cost_weight, s.rotation_delta_cost_weight,
+    )  # fmt: skip
+    return np.array([x, y, yaw]), best
+
+
+def mean_probability(grid: ProbabilityGrid, points: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
+    """Return the mean probability, 0.1 to 0.9, of the cells in which points (N, 2) fall when seen from `pose` (3,)."""
+    return float(
+        _kernels.score(grid.cells, probability_table(), *grid.origin, 1.0 / grid.resolution_m, points, *pose.tolist())
+    )
+
+
+def angular_step(resolution_m: float, farthest_m: float) -> float:
+    """Return the turn in radians that moves a point at that distance by one cell (section V-B of the paper)."""
+    distance = max(farthest_m, 3.0 * resolution_m)
+    return 0.99 * math.acos(1.0 - resolution_m**2 / (2.0 * distance**2))
+
+
+@lru_cache(maxsize=1)
+def cost_table() -> NDArray[np.float32]:
+    """Return float32 (32768,), the cost by stored value; unknown cells cost as much as free ones."""
+    table = cost_of(np.arange(32768, dtype=np.uint16))
+    table[0] = ProbabilityGrid.MAX_COST
+    return table
+
+
+@lru_cache(maxsize=1)
+def probability_table() -> NDArray[np.float32]:
+    """Return float32 (32768,), the probability by stored value."""
+    return (np.float32(1.0) - cost_table()).astype(np.float32)
+
+
+def warm() -> None:
+    """Compile the kernels of this module with one point."""
+    grid = ProbabilityGrid.empty(0.05, (0.0, 0.0), 8)
+    point, pose = np.zeros((1, 2)), np.zeros(3)
+    match_least_squares(grid, point, pose, pose, LeastSquaresMatch())
+    match_correlative(grid, point, pose, CorrelativeMatch())
+    mean_probability(grid, point, pose)
