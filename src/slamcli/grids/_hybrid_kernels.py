@@ -122,20 +122,24 @@ def insert_scan(origin, points, resolution, free_voxels, hits, misses, keys, blo
 
 
 @njit(cache=True, nogil=True)
-def set_cells(indices, values, keys, blocks, held, cells, used):
-    """Set cells (N, 3) to values; the caller has made room for N new blocks. Returns the blocks in use."""
-    for i in range(len(indices)):
+def set_cells(indices, values, keys, blocks, held, cells, used, first):
+    """Set cells (N, 3) from the row `first` on to values; return the blocks in use and the row at which room ran out, or N."""
+    room = min(len(held), len(keys) // 2)
+    last_key, row = -1, 0
+    for i in range(first, len(indices)):
         x, y, z = np.int64(indices[i, 0]), np.int64(indices[i, 1]), np.int64(indices[i, 2])
         key = _key(x, y, z)
-        slot = _slot(keys, key)
-        if keys[slot] == -1:
-            keys[slot] = key
-            blocks[slot] = used
-            held[used] = key
-            cells[used] = 0
-            used += 1
-        cells[blocks[slot], _place(x, y, z)] = values[i]
-    return used
+        if key != last_key:
+            slot = _slot(keys, key)
+            if keys[slot] == -1:
+                if used + 1 > room:
+                    return used, i
+                keys[slot], blocks[slot], held[used] = key, used, key
+                cells[used] = 0
+                used += 1
+            last_key, row = key, blocks[slot]
+        cells[row, _place(x, y, z)] = values[i]
+    return used, len(indices)
 
 
 @njit(cache=True, nogil=True)

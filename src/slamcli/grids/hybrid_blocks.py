@@ -59,11 +59,13 @@ class HybridBlocks:
     def from_record(cls, grid: HybridGrid) -> HybridBlocks:
         """Return a working grid with the cells of a record."""
         made = cls(grid.resolution_m)
-        distinct = len(np.unique(grid.indices >> 3, axis=0)) if len(grid.indices) else 0
-        made._reserve(distinct)
-        made._used = kernels.set_cells(
-            grid.indices, grid.values, made.keys, made.blocks, made._held, made.cells, made._used
-        )
+        done = 0
+        while done < len(grid.indices):
+            made._used, done = kernels.set_cells(
+                grid.indices, grid.values, made.keys, made.blocks, made._held, made.cells, made._used, done
+            )
+            if done < len(grid.indices):
+                made._reserve(made._used + max(64, made._used // 2))
         return made
 
     def record(self) -> HybridGrid:
