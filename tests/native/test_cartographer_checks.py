@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from slamcli.cartographer import CartographerParameters
 from slamcli.native.checks.files import check_file
+from slamcli.native.ros_parameters.declare import row
 from slamcli.parameters import declarations
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -208,3 +210,13 @@ def test_a_launch_file_without_its_lua_file_is_one_error(tmp_path):
     (finding,) = check_file(path, TABLES)
     assert (finding.severity, finding.line) == ("error", 1)
     assert "has no argument -configuration_basename" in finding.message
+
+
+def test_what_is_slamclis_own_would_stop_cartographer(tmp_path):
+    own = dataclasses.replace(row("POSE_GRAPH.own_way", 3, "Ours."), extension=True)
+    table = (*TABLES["cartographer"], own)
+    path = tmp_path / "x.lua"
+    path.write_text("POSE_GRAPH = {own_way = 5}")
+    (finding,) = check_file(path, {"gmapping": (), "cartographer": table})
+    assert (finding.severity, finding.line) == ("warning", 1)
+    assert finding.message == "POSE_GRAPH.own_way is slamcli's own: Cartographer aborts on it"

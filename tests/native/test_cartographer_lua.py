@@ -93,7 +93,7 @@ def test_every_shipped_file_resolves_and_has_every_key():
         assert all(setting.line > 0 for setting in found.settings), path.name
         if found.is_node and not path.name.startswith("backpack_2d"):  # the mission's lacks what ROS wants
             assert {name for name in known - set(values) if "trimmer" not in name} == {
-                "publish_to_tf", "publish_tracked_pose", "ignore_out_of_order_messages",
+                "publish_to_tf", "publish_tracked_pose", "ignore_out_of_order",
             } | ({"use_pose_extrapolator"} - set(values)), path.name  # fmt: skip
     three = resolve(CartographerParameters, named(read_cartographer_lua(CONFIGS / "backpack_3d_localization.lua")))
     assert three.map_builder.dimensions == 3

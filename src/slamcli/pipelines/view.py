@@ -36,7 +36,7 @@ class Viewed:
     """What was drawn, and where it lies."""
 
     kind: str
-    """result, map, cloud, trajectory or recording."""
+    """result, map, cloud, state, trajectory or recording."""
     output: Path
     facts: Mapping[str, Any]
     """Figures of what is shown, for ``--json``."""
@@ -70,7 +70,7 @@ def view(
     Parameters
     ----------
     sources
-        One result folder, map.yaml or point cloud, one or more trajectory files, or the files of one recording.
+        One result folder, map.yaml, point cloud or saved state, one or more trajectory files, or the files of one recording.
     output
         The PNG, or an .mcap for a result. None for `slamcli.pipelines.view_source.default_output`.
     options
@@ -129,6 +129,13 @@ def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Conten
     if path is not None and (kind == "trajectory" or path.is_file()):
         trajectory = read_trajectory(path, log=log)
         facts |= trajectory_facts(trajectory)
+    if kind == "state":
+        from slamcli.formats.pbstream.reading import read_state  # brings numba, which other pictures do not need
+        from slamcli.pipelines.saved_state import result_of
+
+        drawn = result_of(read_state(source, log=log), map_frame="map", base_frame="base_link", log=log)
+        grid, trajectory = drawn.grid, drawn.trajectory
+        facts |= dict(drawn.summary) | ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
     if grid is None and trajectory is None:
         raise UsageError(f"{source}: neither map.yaml nor trajectory.tum lies in this result")
     truth = read_truth(options, trajectory, log)
