@@ -76,7 +76,7 @@ def city(seed=0, block=24.0, street=12.0, blocks=(4, 4)):
                 side = rng.integers(4)
                 t = rng.uniform(0, block)
                 x, y = [(t, -1.5), (t, block + 1.5), (-1.5, t), (block + 1.5, t)][side]
-                pillars.append([*(corner + (x, y)), rng.uniform(0.1, 0.3)])
+                pillars.append([corner[0] + x, corner[1] + y, rng.uniform(0.1, 0.3)])
     return BoxWorld(np.array(low), np.array(high), np.array(pillars))
 
 
@@ -175,7 +175,9 @@ class Lidar:
         )
 
 
-def imu_samples(drive, t0, t1, rng, rate=100.0, gyro_bias=(0.0, 0.0, 0.0), noise=(0.002, 0.02), stamp0_ns=1_700_000_000_000_000_000):
+def imu_samples(
+    drive, t0, t1, rng, rate=100.0, gyro_bias=(0.0, 0.0, 0.0), noise=(0.002, 0.02), stamp0_ns=1_700_000_000_000_000_000
+):
     """ImuSamples at [t0, t1) of an IMU that sits in the base frame's origin."""
     t = np.arange(np.ceil(t0 * rate), np.ceil(t1 * rate)) / rate
     h = 0.005
@@ -189,6 +191,12 @@ def imu_samples(drive, t0, t1, rng, rate=100.0, gyro_bias=(0.0, 0.0, 0.0), noise
     w = w + np.asarray(gyro_bias) + rng.normal(0, noise[0], w.shape)
     f = f + rng.normal(0, noise[1], f.shape)
     return [
-        ImuSample(stamp_ns=stamp0_ns + round(s * 1e9), frame_id="base_link", angular_rad_s=w[i], acceleration_m_s2=f[i], topic="/imu")
+        ImuSample(
+            stamp_ns=stamp0_ns + round(s * 1e9),
+            frame_id="base_link",
+            angular_rad_s=w[i],
+            acceleration_m_s2=f[i],
+            topic="/imu",
+        )
         for i, s in enumerate(t)
     ]

@@ -17,10 +17,15 @@ def unwarp(points, seconds, knot_seconds, quats, shifts, out):
     step = (knot_seconds[last] - begin) / last if last > 0 else 1.0
     for i in range(len(points)):
         at = (seconds[i] - begin) / step if step > 0.0 else 0.0
-        k = min(max(int(math.floor(at)), 0), max(last - 1, 0))
+        k = min(max(math.floor(at), 0), max(last - 1, 0))
         f = min(max(at - k, 0.0), 1.0)
         n = min(k + 1, last)
-        dot = quats[k, 0] * quats[n, 0] + quats[k, 1] * quats[n, 1] + quats[k, 2] * quats[n, 2] + quats[k, 3] * quats[n, 3]
+        dot = (
+            quats[k, 0] * quats[n, 0]
+            + quats[k, 1] * quats[n, 1]
+            + quats[k, 2] * quats[n, 2]
+            + quats[k, 3] * quats[n, 3]
+        )
         g = -f if dot < 0.0 else f
         qx = (1 - f) * quats[k, 0] + g * quats[n, 0]
         qy = (1 - f) * quats[k, 1] + g * quats[n, 1]

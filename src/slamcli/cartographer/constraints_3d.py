@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slamcli.cartographer.graph_3d import Graph3D
 from slamcli.cartographer.matching_3d import volume_match
 from slamcli.cartographer.parameters import CartographerParameters
+from slamcli.errors import DataError
 from slamcli.geometry import se3
 from slamcli.grids.hybrid_blocks import HybridBlocks
 from slamcli.grids.surfel_map import SurfelMap
@@ -42,10 +43,15 @@ class Candidate:
 class SubmapMatcher:
     """Everything that nodes are matched with in one submap; made once for all candidates of the submap."""
 
-    def __init__(self, graph: Graph3D, row: int, members: Sequence[Constraint], parameters: CartographerParameters) -> None:
+    def __init__(
+        self, graph: Graph3D, row: int, members: Sequence[Constraint], parameters: CartographerParameters
+    ) -> None:
         submap, self._p = graph.submaps[row], parameters
         high, low, histogram = submap.high_resolution, submap.low_resolution, submap.rotational_histogram
-        assert high is not None and low is not None and histogram is not None  # noqa: S101 - Graph3D holds 3D submaps
+        if high is None or low is None or histogram is None:
+            raise DataError(
+                f"submap {submap.id.number} of trajectory {submap.id.trajectory} has no grids of 3D mapping"
+            )
         self._records = (high, low, histogram)
         self._high, self._low = HybridBlocks.from_record(high), HybridBlocks.from_record(low)
         self._search: SubmapSearch3D | None = None
@@ -65,7 +71,7 @@ class SubmapMatcher:
         """Return the node's pose in the submap, its mean probability there, and the reason if there is none."""
         cloud = cloud_of(node)
         if self._surfels is not None and not candidate.anywhere:
-            T, agreement = self._by_planes(node, T_submap_node, NEAR_OFF_M)
+            T, agreement = self._by_planes(self._surfels, node, T_submap_node, NEAR_OFF_M)
             score = mean_probability(cloud.high_points_m, T, self._high)
             if agreement >= AGREEMENT and score >= self._p.pose_graph.constraint_builder.min_score:
                 return T, score, ""
@@ -81,18 +87,23 @@ class SubmapMatcher:
                 cloud.high_points_m, cloud.low_points_m, self._high, self._low, start, start, settings
             )  # fmt: skip
             return T, found.score, ""
-        T, agreement = self._by_planes(node, start, 0.3)
+        T, agreement = self._by_planes(self._surfels, node, start, 0.3)
         if agreement < AGREEMENT:
             return None, found.score, f"{agreement:.2f} of the points agree with the submap's planes"
         return T, found.score, ""
 
     def _by_planes(
-        self, node: Node, T_start: NDArray[np.float64], off_m: float
+        self, surfels: SurfelMap, node: Node, T_start: NDArray[np.float64], off_m: float
     ) -> tuple[NDArray[np.float64], float]:
-        assert self._surfels is not None  # noqa: S101 - asked by the callers
         p = self._p.slamcli_3d
         aligned = align_with_surfels(
-            self._surfels, _all_points(node), T_start, T_start, (3.0 * off_m, 0.2), off_m, SurfelMatch(noise_m=p.point_noise)
+            surfels,
+            _all_points(node),
+            T_start,
+            T_start,
+            (3.0 * off_m, 0.2),
+            off_m,
+            SurfelMatch(noise_m=p.point_noise),
         )
         return aligned.T_map_cloud, aligned.agreement * aligned.overlap
 
@@ -173,7 +184,8 @@ def search_settings(parameters: CartographerParameters) -> Search3D:
 def cloud_of(node: Node) -> CloudForSearch:
     """Return what of a node is matched."""
     low, histogram = node.low_resolution_points_m, node.rotational_histogram
-    assert low is not None and histogram is not None  # noqa: S101 - Graph3D holds 3D nodes
+    if low is None or histogram is None:
+        raise DataError(f"node {node.id.number} of trajectory {node.id.trajectory} has no points of 3D mapping")
     return CloudForSearch(
         high_points_m=node.points_m.astype(np.float64),
         low_points_m=low.astype(np.float64),

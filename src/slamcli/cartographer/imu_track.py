@@ -59,6 +59,11 @@ class ImuTrack:
             for samples in (self._stamps, self._rates, self._forces):
                 samples.popleft()
 
+    @property
+    def last_stamp_ns(self) -> int | None:
+        """Stamp of the last sample that was taken; None before the first."""
+        return self._stamps[-1] if self._stamps else None
+
     def latest(self) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
         """Return stamp, angular velocity without bias and specific force of the last sample, base frame."""
         scale = self._force_scale or 1.0
@@ -77,7 +82,9 @@ class ImuTrack:
         size = float(np.linalg.norm(mean))
         if 0.85 < size < 1.15:
             self._force_scale = STANDARD_GRAVITY_M_S2
-            self._log.warn(f"the IMU feels {size:.2f} at the start: its accelerations are taken as multiples of gravity")
+            self._log.warn(
+                f"the IMU feels {size:.2f} at the start: its accelerations are taken as multiples of gravity"
+            )
         elif not 7.0 < size < 13.0:
             self._log.warn(
                 f"the IMU feels {size:.2f} m/s² at the start, not gravity: its gyroscope is used, and the start is"

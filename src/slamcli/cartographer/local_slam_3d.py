@@ -13,7 +13,7 @@ from slamcli.cartographer.imu_track import ImuTrack
 from slamcli.cartographer.matching_3d import GOOD, GridMatcher, Match3D, Matcher3D, SurfelMatcher, search_before
 from slamcli.cartographer.parameters import CartographerParameters
 from slamcli.cartographer.pose_extrapolator_3d import PoseExtrapolator3D, rotation_vector
-from slamcli.cartographer.submaps_3d import ActiveSubmaps3D, FinishedSubmap, ScanForSubmaps
+from slamcli.cartographer.submaps_3d import ActiveSubmap, ActiveSubmaps3D, FinishedSubmap, ScanForSubmaps
 from slamcli.cartographer.sweep_3d import Sweep, corrected
 from slamcli.geometry import quaternion, se3
 from slamcli.posegraph import Id
@@ -23,8 +23,8 @@ from slamcli.runtime import RunLog
 
 FEWEST_POINTS = 20
 """Fewer points than this are not matched."""
-PASSES = 2
-"""How often a sweep is unwarped and matched: the second time with the motion that the first found."""
+BLIND_NS = 10_000_000_000
+"""After so long without points it is said."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,7 +89,8 @@ class LocalSlam3D:
 
     def add_sweep(self, sweep: Sweep) -> LocalStep:
         """Match the next sweep and put it into the submaps if the robot has moved."""
-        first = self.extrapolator.stamp_ns is None
+        before_ns, submap = self.extrapolator.stamp_ns, self.submaps.matching
+        first = before_ns is None
         usable = len(sweep.points_m) >= FEWEST_POINTS
         if first and usable:
             self._begin(sweep)
@@ -97,13 +98,13 @@ class LocalSlam3D:
         predicted = self.extrapolator.poses(knots)
         if not usable:
             self._log.counts["sweeps with too few points within range"] += 1
-            if not first:
-                self._coast(sweep, predicted[-1])
+            if before_ns is not None and sweep.end_ns - before_ns > BLIND_NS:
+                self._log.warn(f"the range sensor sees nothing for more than 10 s before {sweep.end_ns} ns")
             return self._step(sweep, knots, predicted, math.nan, None)
-        if first:
+        if before_ns is None or submap is None:
             poses, score = predicted, 1.0
         else:
-            poses, score = self._match(sweep, knots, predicted)
+            poses, score = self._match(sweep, knots, predicted, submap, before_ns)
         points = sweep.unwarped(poses)
         self.extrapolator.add_pose(sweep.end_ns, poses[-1])
         node = self._insert(sweep, poses[-1], points)
@@ -125,21 +126,23 @@ class LocalSlam3D:
         self.extrapolator.add_pose(sweep.end_ns, T)
 
     def _match(
-        self, sweep: Sweep, knots: NDArray[np.int64], predicted: NDArray[np.float64]
+        self,
+        sweep: Sweep,
+        knots: NDArray[np.int64],
+        predicted: NDArray[np.float64],
+        submap: ActiveSubmap,
+        before_ns: int,
     ) -> tuple[NDArray[np.float64], float]:
         """Return the poses at the knots (K, 4, 4) after matching, and the match's score."""
-        before_ns, submap = self.extrapolator.stamp_ns, self.submaps.matching
-        assert before_ns is not None and submap is not None  # noqa: S101 - a first sweep has been inserted
         rows = self._matcher.rows(sweep.points_m)
-        poses, match = predicted, None
-        for number in range(PASSES):
-            points = sweep.unwarped(poses, rows)
-            start = poses[-1]
-            if number == 0 and self._p.trajectory_builder_3d.use_online_correlative_scan_matching:
-                start = search_before(self._p, points, start, submap)
-            match = self._matcher.match(points, start, submap, again=number > 0)
-            poses = corrected(predicted, knots, before_ns, match.T_local_base)
-        assert match is not None  # noqa: S101 - there is at least one pass
+        points, start = sweep.unwarped(predicted, rows), predicted[-1]
+        if self._p.trajectory_builder_3d.use_online_correlative_scan_matching:
+            start = search_before(self._p, points, start, submap)
+        match = self._matcher.match(points, start, submap, again=False)
+        # Once more, unwarped with the motion that this found.
+        poses = corrected(predicted, knots, before_ns, match.T_local_base)
+        match = self._matcher.match(sweep.unwarped(poses, rows), poses[-1], submap, again=True)
+        poses = corrected(predicted, knots, before_ns, match.T_local_base)
         self._watch(match, sweep)
         self._teach(sweep, before_ns, predicted[-1], match)
         return poses, match.score
@@ -167,11 +170,6 @@ class LocalSlam3D:
             float(np.linalg.norm(rotation_vector(plain.T @ rotation))),
             rotation,
         )
-
-    def _coast(self, sweep: Sweep, T_predicted: NDArray[np.float64]) -> None:
-        if self.extrapolator.stamp_ns is not None and sweep.end_ns - self.extrapolator.stamp_ns > 10_000_000_000:
-            self._log.warn(f"the range sensor sees nothing for more than 10 s before {sweep.end_ns} ns")
-        del T_predicted
 
     def _insert(self, sweep: Sweep, T_local_base: NDArray[np.float64], points: NDArray[np.float64]) -> LocalNode | None:
         if not self._moved(sweep.end_ns, T_local_base):

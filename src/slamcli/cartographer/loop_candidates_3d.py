@@ -37,8 +37,9 @@ def loop_candidates(
             continue
         own = np.array([graph.node_row(member.node) for member in members])
         for node in sampled:
-            id, same = graph.nodes[node].id, graph.nodes[node].id.trajectory == submap.id.trajectory
-            if {id.trajectory, submap.id.trajectory} <= graph.frozen or (submap.id, id) in tried:
+            seen = graph.nodes[node].id
+            same = seen.trajectory == submap.id.trajectory
+            if {seen.trajectory, submap.id.trajectory} <= graph.frozen or (submap.id, seen) in tried:
                 continue
             if same and np.abs(ways[own] - ways[node]).min() < APART_FACTOR * builder.max_constraint_distance:
                 continue

@@ -70,7 +70,12 @@ class SurfelMatcher:
         return adaptive_voxel_filter(points_m, COARSEST_M, self._num_points, np.inf)
 
     def match(
-        self, points_m: NDArray[np.float64], T_predicted: NDArray[np.float64], submap: ActiveSubmap, *, again: bool
+        self,
+        points_m: NDArray[np.float64],
+        T_predicted: NDArray[np.float64],
+        submap: ActiveSubmap,
+        *,
+        again: bool,  # noqa: ARG002 - as every Matcher3D
     ) -> Match3D:
         """Match with planes; from other starts as well where the prediction leads nowhere."""
         found = self._from(T_predicted, points_m, T_predicted, 0.05 if again else self._off_m)
@@ -121,7 +126,12 @@ class GridMatcher:
         return np.arange(len(points_m))
 
     def match(
-        self, points_m: NDArray[np.float64], T_predicted: NDArray[np.float64], submap: ActiveSubmap, *, again: bool
+        self,
+        points_m: NDArray[np.float64],
+        T_predicted: NDArray[np.float64],
+        submap: ActiveSubmap,
+        *,
+        again: bool,  # noqa: ARG002 - as every Matcher3D
     ) -> Match3D:
         """Match with the submap's grids."""
         high = points_m[

@@ -37,7 +37,7 @@ class PoseExtrapolator3D:
         return self._stamp_ns
 
     @property
-    def T_local_base(self) -> NDArray[np.float64]:
+    def T_local_base(self) -> NDArray[np.float64]:  # noqa: N802 - frames stand in its name
         """The last pose, float64 (4, 4)."""
         return self._T
 
@@ -63,7 +63,9 @@ class PoseExtrapolator3D:
         if self._stamp_ns is None:
             return np.broadcast_to(self._T, (len(stamps_ns), 4, 4)).copy()
         wheels = self._by_odometry(stamps_ns)
-        dt = np.clip(stamps_ns - self._stamp_ns, -LONGEST_COAST_NS, LONGEST_COAST_NS) * 1e-9
+        dt = np.asarray(
+            np.clip(stamps_ns - self._stamp_ns, -LONGEST_COAST_NS, LONGEST_COAST_NS) * 1e-9, dtype=np.float64
+        )
         if wheels is None:
             shifts = self._T[:3, 3] + dt[:, None] * self._velocity
             turns = self._constant_turns(dt)

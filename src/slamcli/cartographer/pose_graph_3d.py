@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -125,9 +126,7 @@ class PoseGraph3D:
         for search in self.searches:
             if search.accepted:
                 distance, angle = next(residuals)
-                search = replace(  # noqa: PLW2901
-                    search, translation_residual_m=float(distance), rotation_residual_rad=float(angle)
-                )
+                search = replace(search, translation_residual_m=float(distance), rotation_residual_rad=float(angle))
             out.append(search)
         return tuple(out)
 
@@ -154,7 +153,7 @@ class PoseGraph3D:
         robust = [c.kind == "inter" for c in graph.constraints]
         for trajectory in sorted({node.id.trajectory for node in graph.nodes} - graph.frozen):
             rows = graph.trajectory_rows(trajectory)
-            for a, b in zip(rows[:-1], rows[1:], strict=True):
+            for a, b in itertools.pairwise(rows):
                 if graph.nodes[b].id.number != graph.nodes[a].id.number + 1:
                     continue  # nodes between them were trimmed
                 first.append(len(graph.submaps) + int(a))
@@ -211,7 +210,7 @@ class PoseGraph3D:
         graph = self.graph
         ids = [submap.id for submap in graph.submaps] + [node.id for node in graph.nodes]
         held = np.zeros((len(ids) + num_frames, 6), dtype=np.bool_)
-        held[: len(ids)] = np.array([id.trajectory in graph.frozen for id in ids])[:, None]
+        held[: len(ids)] = np.array([one.trajectory in graph.frozen for one in ids])[:, None]
         if not graph.frozen and graph.submaps:
             first = min(range(len(graph.submaps)), key=lambda i: graph.submaps[i].id)
             levelled = any(record.has_gravity for record in self._imu.values())
@@ -234,10 +233,13 @@ class PoseGraph3D:
                 inertia_of(
                     np.array([self.graph.nodes[i].stamp_ns for i in rows], dtype=np.int64),
                     len(self.graph.submaps) + rows,
-                    record.stamps_ns, record.rates_rad_s, record.forces_m_s2,
-                    acceleration_weight=problem.acceleration_weight, rotation_weight=problem.rotation_weight,
+                    record.stamps_ns,
+                    record.rates_rad_s,
+                    record.forces_m_s2,
+                    acceleration_weight=problem.acceleration_weight,
+                    rotation_weight=problem.rotation_weight,
                     estimate_extrinsics=problem.use_online_imu_extrinsics_in_3d,
-                )  # fmt: skip
+                )
             )
         return joined(found) if found else None
 
@@ -252,9 +254,7 @@ def _yaw_alignment(fixed: NDArray[np.float64], in_map: NDArray[np.float64]) -> N
     T = np.eye(4)
     if len(fixed):
         a, b = fixed - fixed.mean(axis=0), in_map - in_map.mean(axis=0)
-        yaw = np.arctan2(
-            float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a[:, :2] * b[:, :2]).sum())
-        )
+        yaw = np.arctan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a[:, :2] * b[:, :2]).sum()))
         T[:3, :3] = quaternion.to_matrix(quaternion.from_yaw(yaw))
         T[:3, 3] = in_map.mean(axis=0) - T[:3, :3] @ fixed.mean(axis=0)
     return T

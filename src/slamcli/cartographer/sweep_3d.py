@@ -41,9 +41,7 @@ class Sweep:
         count = max(2, (self.end_ns - self.begin_ns) // KNOT_NS + 1)
         return np.linspace(self.begin_ns, max(self.end_ns, self.begin_ns + 1), count).astype(np.int64)
 
-    def unwarped(
-        self, T_local_base: NDArray[np.float64], rows: NDArray[np.int64] | None = None
-    ) -> NDArray[np.float64]:
+    def unwarped(self, T_local_base: NDArray[np.float64], rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
         """Return points float64 (N, 3) in the base frame at the end of the sweep, given the poses at its knots (K, 4, 4)."""
         points, seconds = (self.points_m, self.seconds) if rows is None else (self.points_m[rows], self.seconds[rows])
         shifts, quats = se3.to_position_quaternion(se3.inverse(T_local_base[-1]) @ T_local_base)
@@ -81,7 +79,7 @@ def assemble(
         begin_ns=begin,
         end_ns=end,
         points_m=np.concatenate(points).astype(np.float32),
-        seconds=(when - begin) * 1e-9,
+        seconds=np.asarray((when - begin) * 1e-9, dtype=np.float64),
         intensities=np.concatenate(intensities),
         origin_m=clouds[0][1][:3, 3].copy(),
     )

@@ -72,7 +72,11 @@ def insert_scan(origin, points, resolution, free_voxels, hits, misses, keys, blo
     for i in range(n):
         if used + 1 > room:
             return used, count, num_hits, False
-        x, y, z = _nearest(points[i, 0] / resolution), _nearest(points[i, 1] / resolution), _nearest(points[i, 2] / resolution)
+        x, y, z = (
+            _nearest(points[i, 0] / resolution),
+            _nearest(points[i, 1] / resolution),
+            _nearest(points[i, 2] / resolution),
+        )
         key = _key(x, y, z)
         if key != last_key:  # neighbours in a scan mostly share their block
             slot = _slot(keys, key)

@@ -20,7 +20,7 @@ def probability_of(values: NDArray[np.uint16]) -> NDArray[np.float32]:
     return np.where(values == 0, MIN_PROBABILITY, (values.astype(np.float32) - 1) * scale + MIN_PROBABILITY)
 
 
-def value_of(probabilities: NDArray[np.float32]) -> NDArray[np.uint16]:
+def value_of(probabilities: NDArray[np.floating]) -> NDArray[np.uint16]:
     """Return the cell values 1 to 32767 of probabilities, which are first limited to 0.1 ... 0.9."""
     limited = np.clip(probabilities, MIN_PROBABILITY, MAX_PROBABILITY)
     scaled = (limited - MIN_PROBABILITY) * (np.float32(32766) / (MAX_PROBABILITY - MIN_PROBABILITY))

@@ -30,7 +30,7 @@ def _slot(keys, level, x, y, z):
 
 
 @njit(cache=True, nogil=True)
-def _grown(keys, blocks, held, cells, used):
+def _grown(keys, held, cells, used):
     """Twice the room."""
     rows = 2 * len(held)
     new_held, new_cells = np.zeros(rows, np.int64), np.zeros((rows, 512), np.uint8)
@@ -58,7 +58,7 @@ def build(indices, values, depth, full_depth):
     used = 0
     for i in range(len(indices)):
         if used + 1 > len(held) or 2 * (used + 1) > len(keys):
-            keys, blocks, held, cells = _grown(keys, blocks, held, cells, used)
+            keys, blocks, held, cells = _grown(keys, held, cells, used)
         x, y, z = np.int64(indices[i, 0]), np.int64(indices[i, 1]), np.int64(indices[i, 2])
         slot, key = _slot(keys, 0, x, y, z)
         if keys[slot] == -1:
@@ -78,7 +78,7 @@ def build(indices, values, depth, full_depth):
                 if value == 0:
                     continue
                 if used + 8 > len(held) or 2 * (used + 8) > len(keys):
-                    keys, blocks, held, cells = _grown(keys, blocks, held, cells, used)
+                    keys, blocks, held, cells = _grown(keys, held, cells, used)
                 for octant in range(8):
                     x = (bx << 3 | place >> 6) - (octant & 1) * width >> halve
                     y = (by << 3 | (place >> 3) & 7) - (octant >> 1 & 1) * width >> halve

@@ -138,7 +138,9 @@ def _cost(high, low, high_grid, low_grid, weights, rotation, shift, target_rotat
 
 
 @njit(cache=True, nogil=True)
-def align(high, low, high_grid, low_grid, weights, rotation, shift, target_rotation, target_shift, only_yaw, iterations):
+def align(
+    high, low, high_grid, low_grid, weights, rotation, shift, target_rotation, target_shift, only_yaw, iterations
+):
     """Move (`rotation`, `shift`) in place to the least squares by Levenberg and Marquardt; return cost and iterations.
 
     `weights`: of the high and low resolution points, of the distance and of the rotation from the target.

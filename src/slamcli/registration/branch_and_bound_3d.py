@@ -92,7 +92,9 @@ class SubmapSearch3D:
             min_score,
         )
 
-    def match_anywhere(self, cloud: CloudForSearch, T_submap_upright: NDArray[np.float64], min_score: float) -> Found3D | str:
+    def match_anywhere(
+        self, cloud: CloudForSearch, T_submap_upright: NDArray[np.float64], min_score: float
+    ) -> Found3D | str:
         """Search the whole submap at all yaws; of the initial pose only roll, pitch and height count."""
         low, high = self._extent
         reach = float(np.sqrt((cloud.high_points_m**2).sum(axis=1)).max(initial=0.0))
@@ -103,7 +105,13 @@ class SubmapSearch3D:
         return self._match(cloud, start, window, z, math.pi, min_score)
 
     def _match(
-        self, cloud: CloudForSearch, T_submap_initial: NDArray[np.float64], xy: int, z: int, angular: float, min_score: float
+        self,
+        cloud: CloudForSearch,
+        T_submap_initial: NDArray[np.float64],
+        xy: int,
+        z: int,
+        angular: float,
+        min_score: float,
     ) -> Found3D | str:
         s, points = self._settings, cloud.high_points_m
         if not len(points) or not len(cloud.low_points_m):
@@ -139,7 +147,7 @@ class SubmapSearch3D:
         reach = max(float(np.sqrt((points**2).sum(axis=1)).max()), 3.0 * self._resolution)
         step = 0.99 * math.acos(1.0 - self._resolution**2 / (2.0 * reach**2))
         count = round(window / step)
-        return np.arange(-count, count + 1) * step
+        return np.asarray(np.arange(-count, count + 1) * step, dtype=np.float64)
 
 
 def warm() -> None:
@@ -155,5 +163,7 @@ def warm() -> None:
         rotational_histogram=histogram,
         gravity_alignment_xyzw=np.array([0.0, 0.0, 0.0, 1.0]),
     )
-    settings = Search3D(branch_and_bound_depth=2, full_resolution_depth=1, linear_xy_search_window=0.2, linear_z_search_window=0.1)
+    settings = Search3D(
+        branch_and_bound_depth=2, full_resolution_depth=1, linear_xy_search_window=0.2, linear_z_search_window=0.1
+    )
     SubmapSearch3D(record, record, histogram, settings).match(cloud, np.eye(4), 0.5)

@@ -74,7 +74,10 @@ def mean_probability(points_m: NDArray[np.float64], T_grid_points: NDArray[np.fl
     """Return the mean probability of the cells in which points (N, 3) lie; unknown cells count 0.1."""
     return float(
         kernels.mean_probability(
-            points_m, np.ascontiguousarray(T_grid_points[:3, :3]), np.ascontiguousarray(T_grid_points[:3, 3]), _view(grid)
+            points_m,
+            np.ascontiguousarray(T_grid_points[:3, :3]),
+            np.ascontiguousarray(T_grid_points[:3, 3]),
+            _view(grid),
         )
     )
 
@@ -112,7 +115,7 @@ def _lattice(count: int, step: float) -> NDArray[np.float64]:
     axis = np.arange(-count, count + 1)
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     order = np.argsort((points**2).sum(axis=1), kind="stable")
-    return points[order] * step
+    return np.asarray(points[order] * step, dtype=np.float64)
 
 
 def _view(grid: HybridBlocks) -> tuple[float, NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
@@ -123,7 +126,11 @@ def warm() -> None:
     """Compile the kernels of this module."""
     grid, point, here = HybridBlocks(0.1), np.ones((1, 3)), np.eye(4)
     settings = VolumeMatch(
-        occupied_space_weight_0=1, occupied_space_weight_1=1, translation_weight=1, rotation_weight=1, max_num_iterations=1
+        occupied_space_weight_0=1,
+        occupied_space_weight_1=1,
+        translation_weight=1,
+        rotation_weight=1,
+        max_num_iterations=1,
     )
     align_with_volumes(point, point, grid, grid, here, here, settings)
     mean_probability(point, here, grid)

@@ -35,15 +35,15 @@ class Extensions3d:
         0.1, "standard deviation of the predicted orientation, where planes leave it open", extension=True
     )
     search_spacing: float = length(
-        1.0, "loops are searched from nodes this far apart along the path; 0: from all, as sampling_ratio says", extension=True
+        1.0,
+        "loops are searched from nodes this far apart along the path; 0: from all, as sampling_ratio says",
+        extension=True,
     )
     search_rounds: int = parameter(
         3, "at the end: search all pairs, optimise, search again until nothing is added, at most so often; 0: not",
         unit="rounds", minimum=0, maximum=100, extension=True,
     )  # fmt: skip
-    refine_loops: bool = parameter(
-        True, "align what a loop search found with planes as well", extension=True
-    )
+    refine_loops: bool = parameter(True, "align what a loop search found with planes as well", extension=True)
     projection_min_z: float = parameter(
         0.15, "lower edge of the height band that makes the 2D map, above the ground", unit="m", minimum=-1e4, maximum=1e4,
         extension=True,
@@ -54,4 +54,6 @@ class Extensions3d:
     )  # fmt: skip
     projection_resolution: float = length(0.05, "edge of a cell of the 2D map", 1e-3, extension=True)
     projection_max_range: float = length(30.0, "points farther away do not enter the 2D map", 0.1, extension=True)
-    cloud_voxel_size: float = length(0.1, "the mapped cloud keeps one point per voxel of this edge", 1e-3, extension=True)
+    cloud_voxel_size: float = length(
+        0.1, "the mapped cloud keeps one point per voxel of this edge", 1e-3, extension=True
+    )
