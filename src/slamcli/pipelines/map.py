@@ -20,7 +20,7 @@ from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
 from slamcli.pipelines.run_record import describe_inputs, run_document
-from slamcli.pipelines.saved_state import check_resumes, load_states, result_of
+from slamcli.pipelines.saved_state import check_dimensions, check_resumes, load_states, result_of
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.posegraph import MapState
 from slamcli.recordings import Mends, Recording, open_recording
@@ -148,6 +148,7 @@ def _from_recording(request: MapRequest, config: NativeConfig, state: MapState |
             recording, tier, config.parameters, config.sources, _names(request, config, recording), log,
             mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
         )  # fmt: skip
+        check_dimensions(state, spatial=feed.plan.spatial)
         mapper = tier.build(feed.plan.parameters, _setup(request, feed, state, log))
         with log.stage("read"):
             for measurement in feed.measurements():

@@ -48,6 +48,26 @@ def check_resumes(algo: str, *, loads: bool, saves: bool) -> None:
         raise UsageError(f"{option}: {algo} has no state that can be saved; --algo cartographer has")
 
 
+def check_dimensions(state: MapState | None, *, spatial: bool) -> None:
+    """Refuse to go on in space from a map in the plane, or the other way round.
+
+    Raises
+    ------
+    UsageError
+        If the state's submaps have not the dimensions of the run.
+    """
+    if state is None or not state.submaps:
+        return
+    is_3d = any(
+        submap.high_resolution is not None or submap.rotational_histogram is not None for submap in state.submaps
+    )
+    if is_3d != spatial:
+        has, runs = (3, 2) if is_3d else (2, 3)
+        raise UsageError(
+            f"the state is a {has}D map, and this run maps in {runs}D: --mode {has}d, or leave the state out"
+        )
+
+
 def result_of(state: MapState, *, map_frame: str, base_frame: str, log: RunLog) -> MappingResult:
     """Return what is in a state as the result of a run: map, trajectory of its nodes, and the state itself.
 
