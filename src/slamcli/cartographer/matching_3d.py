@@ -73,9 +73,9 @@ class SurfelMatcher:
         self,
         points_m: NDArray[np.float64],
         T_predicted: NDArray[np.float64],
-        submap: ActiveSubmap,
+        submap: ActiveSubmap,  # noqa: ARG002 - as every Matcher3D
         *,
-        again: bool,  # noqa: ARG002 - as every Matcher3D
+        again: bool,
     ) -> Match3D:
         """Match with planes; from other starts as well where the prediction leads nowhere."""
         found = self._from(T_predicted, points_m, T_predicted, 0.05 if again else self._off_m)
