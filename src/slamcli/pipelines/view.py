@@ -26,6 +26,8 @@ from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from slamcli.measurements import PointCloud
+    from slamcli.posegraph import MapState
     from slamcli.recordings.mends import Mends
 
 _MAX_RUN_JSON_BYTES = 64 << 20
@@ -131,9 +133,11 @@ def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Conten
         facts |= trajectory_facts(trajectory)
     if kind == "state":
         from slamcli.formats.pbstream.reading import read_state  # brings numba, which other pictures do not need
+        from slamcli.pipelines.config import load_native
         from slamcli.pipelines.saved_state import result_of
 
-        drawn = result_of(read_state(source, log=log), map_frame="map", base_frame="base_link", log=log)
+        state, parameters = read_state(source, log=log), load_native("cartographer").parameters
+        drawn = result_of(state, "cartographer", parameters, map_frame="map", base_frame="base_link", log=log)
         grid, trajectory = drawn.grid, drawn.trajectory
         facts |= dict(drawn.summary) | ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
     if grid is None and trajectory is None:
@@ -157,8 +161,26 @@ def _write_mcap(sources: Sequence[Path], kind: str, output: Path, options: ViewO
         raise UsageError(f"{output}: an .mcap holds one result or trajectory; {len(sources)} were given")
     content = _read(sources[0], kind, options, log)
     truth = content.truth[1] if content.truth is not None else None
-    messages = write_result(output, grid=content.grid, trajectory=content.trajectory, truth=truth)
+    messages = write_result(
+        output, grid=content.grid, trajectory=content.trajectory, truth=truth,
+        state=_state(sources[0], kind, log), cloud=_cloud(sources[0], kind),
+    )  # fmt: skip
     return content.facts | {"messages": messages}
+
+
+def _state(source: Path, kind: str, log: RunLog) -> MapState | None:
+    path = source / "state.pbstream" if kind == "result" else source
+    if kind not in ("result", "state") or not path.is_file():
+        return None
+    from slamcli.formats.pbstream.reading import read_state
+
+    return read_state(path, log=log)
+
+
+def _cloud(source: Path, kind: str) -> PointCloud | None:
+    if kind != "result":
+        return None
+    return next((read_cloud(path) for name in ("cloud.ply", "cloud.pcd") if (path := source / name).is_file()), None)
 
 
 def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
