@@ -11,10 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from fuzz_states import write_states
 
 from slamcli.cli.main import COMMANDS as TABLE
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import FrameTransform, ImuSample, LaserScan, Odometry, PointCloud, StampedPose
+from slamcli.measurements import (
+    FrameTransform,
+    GeoFix,
+    ImuSample,
+    LandmarkObservation,
+    Landmarks,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    StampedPose,
+)
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 START_NS = 1_500_000_000_000_000_000
@@ -40,6 +51,7 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("view", "{input}", "-o", "{out}/picture.png"),
         ("map", "{input}", "-o", "{out}/map", "--set", "particles=2"),
         ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer"),
+        ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer", "--points-topic", "/points", "--mode", "3d"),
         ("evaluate", "{input}:/pose", "{input}:odom>base_link", "--json"),
     ],
     "log": [
@@ -60,6 +72,14 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("evaluate", "{input}", "{input}", "--json"),
         ("view", "{input}", "-o", "{out}/picture.png"),
     ],
+    "state": [
+        ("info", "{input}", "--json"),
+        ("view", "{input}", "-o", "{out}/picture.png"),
+        ("convert", "{input}", "{out}/again.pbstream"),
+        ("evaluate", "{input}", "{dir}/truth.tum", "--json"),
+        ("map", "--algo", "cartographer", "--load-state", "{input}", "-o", "{out}/map"),
+    ],
+    "cloud": [("view", "{input}", "-o", "{out}/picture.png")],
     "relations": [("evaluate", "{dir}/truth.tum", "{input}", "--json")],
     "launch": [
         ("config", "check", "{input}", "--json"),
@@ -93,7 +113,16 @@ COMMANDS = {kind: [command for command in commands if _exists(command)] for kind
 def make_corpus(folder: Path, kinds: list[str]) -> list[Input]:
     """Write valid inputs and return them; the kinds take turns."""
     folder.mkdir(parents=True)
-    makers: list[Callable[[Path], list[Input]]] = [_bags, _logs, _maps, _trajectories, _relations, _configurations]
+    makers: list[Callable[[Path], list[Input]]] = [
+        _bags,
+        _logs,
+        _maps,
+        _trajectories,
+        _relations,
+        _states,
+        _clouds,
+        _configurations,
+    ]
     found = [entry for maker in makers for entry in maker(folder)]
     return [entry for entry in found if COMMANDS[entry.kind] and (not kinds or entry.kind in kinds)]
 
@@ -155,7 +184,13 @@ def _record(recording: object) -> None:
             ),
         )
         write("/pose", StampedPose(stamp_ns=stamp, frame_id="map", position_m=position, quat_xyzw=identity))
-    write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=np.ones((20, 3), dtype=np.float32)))
+        points = np.arange(60, dtype=np.float32).reshape(20, 3) / 20 + 1
+        times = np.arange(20, dtype=np.int64) * 4_000_000
+        write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=points, offset_ns=times))
+        place = {"latitude_deg": 48.0 + 1e-6 * k, "longitude_deg": 11.0, "altitude_m": 500.0}
+        write("/fix", GeoFix(stamp_ns=stamp, frame_id="gps", **place))
+        seen = LandmarkObservation(id="a", position_m=position, quat_xyzw=identity)
+        write("/landmark", Landmarks(stamp_ns=stamp, frame_id="base_link", observations=(seen,)))
 
 
 def _scan(stamp_ns: int, beams: int, x_m: float) -> LaserScan:
@@ -235,6 +270,25 @@ def _relations(folder: Path) -> list[Input]:
     truth.write_text("".join(f"{100 + k:.6f} {k} 0 0 0 0 0 1\n" for k in range(20)))
     (folder / "a.relations").write_text("".join(f"{100 + k}.0 {101 + k}.0 1.0 0 0 0 0 0\n" for k in range(19)))
     return [Input("relations", folder / "a.relations", (truth,))]
+
+
+def _states(folder: Path) -> list[Input]:
+    return [Input("state", path, (folder / "truth.tum",)) for path in write_states(folder)]
+
+
+def _clouds(folder: Path) -> list[Input]:
+    from slamcli.formats.clouds import write_cloud
+
+    points = np.random.default_rng(3).uniform(-2, 2, (40, 3)).astype(np.float32)
+    cloud = PointCloud(stamp_ns=0, frame_id="map", points_m=points, intensities=points[:, 0].copy())
+    for name in ("cloud.ply", "cloud.pcd"):
+        write_cloud(folder / name, cloud)
+    rows = "".join(f"{x:.3f} {y:.3f} {z:.3f}\n" for x, y, z in points.tolist())
+    head = "\n".join(f"property float {axis}" for axis in "xyz")
+    (folder / "text.ply").write_text(f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n{head}\nend_header\n{rows}")
+    fields = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {n}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {n}\nDATA ascii\n"
+    (folder / "text.pcd").write_text(fields.format(n=len(points)) + rows)
+    return [Input("cloud", folder / name) for name in ("cloud.ply", "cloud.pcd", "text.ply", "text.pcd")]
 
 
 def _configurations(folder: Path) -> list[Input]:

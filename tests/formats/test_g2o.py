@@ -206,3 +206,31 @@ def test_a_graph_from_a_file_can_be_adjusted(tmp_path):
     solution = optimise_planar(graph.poses, fixed, edges, loss=Loss(), max_iterations=30, tolerance=1e-12)
     np.testing.assert_allclose(solution.poses[1], [1, 0, 0.1], atol=1e-8)
     np.testing.assert_allclose(solution.poses[2], [1 + np.cos(0.1), np.sin(0.1), 0.2], atol=1e-8)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_mutated_files_are_read_or_refused_in_one_line(tmp_path, dimension):
+    rng = np.random.default_rng(dimension)
+    path = tmp_path / "a.g2o"
+    write_g2o(path, random_graph(dimension))
+    whole = path.read_bytes()
+    refused, read = [], []
+    for _ in range(300):
+        data = bytearray(whole)
+        for _ in range(int(rng.integers(1, 4))):
+            at = int(rng.integers(len(data)))
+            match int(rng.integers(3)):
+                case 0:
+                    data[at] = int(rng.integers(256))
+                case 1:
+                    del data[at : at + int(rng.integers(1, 60))]
+                case _:
+                    data[at:at] = data[at // 2 : at // 2 + 40]
+        path.write_bytes(data)
+        try:
+            read.append(read_g2o(path, log=RunLog()))
+        except FormatError as error:
+            refused.append(str(error))
+    assert not any("\n" in message for message in refused)
+    assert all(np.isfinite(graph.measured).all() for graph in read)
+    assert min(len(read), len(refused)) > 10

@@ -13,7 +13,7 @@ import click
 from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
-from slamcli.cli.recording_options import recording_options
+from slamcli.cli.recording_options import given_mends, recording_options
 from slamcli.runtime import RunLog
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def command(
     from slamcli.pipelines.map_outputs import OutputChoices
 
     launch_arguments = _pairs(arguments)
-    command = _command_line(bag, launch_arguments, options)
+    command = _command_line(bag, launch_arguments, options, given_mends(click.get_current_context()))
     choices = OutputChoices(**{name: options.pop(name) for name in _CHOICES})
     request = MapRequest(
         inputs=bag, mends=mends, jobs=jobs or os.cpu_count() or 1, launch_arguments=launch_arguments,
@@ -200,7 +200,9 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
     return pairs
 
 
-def _command_line(bag: tuple[Path, ...], arguments: dict[str, str], options: dict[str, Any]) -> str:
+def _command_line(
+    bag: tuple[Path, ...], arguments: dict[str, str], options: dict[str, Any], mends: dict[str, Any]
+) -> str:
     """Return the command that makes this result again: without the output folder and what cannot change the result."""
     words = ["slamcli", "map", "--algo", options["algo"], *(path.name for path in bag), "--seed", str(options["seed"])]
     names = {
@@ -216,4 +218,7 @@ def _command_line(bag: tuple[Path, ...], arguments: dict[str, str], options: dic
             words += [flag, item.name if isinstance(item, Path) and key in _FILES else str(item)]
     for name, value in arguments.items():
         words += ["--arg", f"{name}={value}"]
+    for flag, value in mends.items():
+        for item in value if isinstance(value, tuple) else (value,):
+            words += [flag] if item is True else [flag, str(item)]
     return shlex.join(words)

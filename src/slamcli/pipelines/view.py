@@ -26,6 +26,8 @@ from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from slamcli.measurements import PointCloud
+    from slamcli.posegraph import MapState
     from slamcli.recordings.mends import Mends
 
 _MAX_RUN_JSON_BYTES = 64 << 20
@@ -36,7 +38,7 @@ class Viewed:
     """What was drawn, and where it lies."""
 
     kind: str
-    """result, map, cloud, trajectory or recording."""
+    """result, map, cloud, state, trajectory or recording."""
     output: Path
     facts: Mapping[str, Any]
     """Figures of what is shown, for ``--json``."""
@@ -70,7 +72,7 @@ def view(
     Parameters
     ----------
     sources
-        One result folder, map.yaml or point cloud, one or more trajectory files, or the files of one recording.
+        One result folder, map.yaml, point cloud or saved state, one or more trajectory files, or the files of one recording.
     output
         The PNG, or an .mcap for a result. None for `slamcli.pipelines.view_source.default_output`.
     options
@@ -129,6 +131,15 @@ def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Conten
     if path is not None and (kind == "trajectory" or path.is_file()):
         trajectory = read_trajectory(path, log=log)
         facts |= trajectory_facts(trajectory)
+    if kind == "state":
+        from slamcli.formats.pbstream.reading import read_state  # brings numba, which other pictures do not need
+        from slamcli.pipelines.config import load_native
+        from slamcli.pipelines.saved_state import result_of
+
+        state, parameters = read_state(source, log=log), load_native("cartographer").parameters
+        drawn = result_of(state, "cartographer", parameters, map_frame="map", base_frame="base_link", log=log)
+        grid, trajectory = drawn.grid, drawn.trajectory
+        facts |= dict(drawn.summary) | ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
     if grid is None and trajectory is None:
         raise UsageError(f"{source}: neither map.yaml nor trajectory.tum lies in this result")
     truth = read_truth(options, trajectory, log)
@@ -150,8 +161,26 @@ def _write_mcap(sources: Sequence[Path], kind: str, output: Path, options: ViewO
         raise UsageError(f"{output}: an .mcap holds one result or trajectory; {len(sources)} were given")
     content = _read(sources[0], kind, options, log)
     truth = content.truth[1] if content.truth is not None else None
-    messages = write_result(output, grid=content.grid, trajectory=content.trajectory, truth=truth)
+    messages = write_result(
+        output, grid=content.grid, trajectory=content.trajectory, truth=truth,
+        state=_state(sources[0], kind, log), cloud=_cloud(sources[0], kind),
+    )  # fmt: skip
     return content.facts | {"messages": messages}
+
+
+def _state(source: Path, kind: str, log: RunLog) -> MapState | None:
+    path = source / "state.pbstream" if kind == "result" else source
+    if kind not in ("result", "state") or not path.is_file():
+        return None
+    from slamcli.formats.pbstream.reading import read_state
+
+    return read_state(path, log=log)
+
+
+def _cloud(source: Path, kind: str) -> PointCloud | None:
+    if kind != "result":
+        return None
+    return next((read_cloud(path) for name in ("cloud.ply", "cloud.pcd") if (path := source / name).is_file()), None)
 
 
 def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
