@@ -21,6 +21,7 @@ ROOMS = (
     "grids.probability_grid",
     "grids.submap_drawing",
     "grids.surfel_map",
+    "grids.tsdf_grid",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
