@@ -11,10 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from fuzz_states import write_states
 
 from slamcli.cli.main import COMMANDS as TABLE
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import FrameTransform, ImuSample, LaserScan, Odometry, PointCloud, StampedPose
+from slamcli.measurements import (
+    FrameTransform,
+    GeoFix,
+    ImuSample,
+    LandmarkObservation,
+    Landmarks,
+    LaserScan,
+    Odometry,
+    PointCloud,
+    StampedPose,
+)
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 START_NS = 1_500_000_000_000_000_000
@@ -40,6 +51,7 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("view", "{input}", "-o", "{out}/picture.png"),
         ("map", "{input}", "-o", "{out}/map", "--set", "particles=2"),
         ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer"),
+        ("map", "{input}", "-o", "{out}/map", "--algo", "cartographer", "--points-topic", "/points", "--mode", "3d"),
         ("evaluate", "{input}:/pose", "{input}:odom>base_link", "--json"),
     ],
     "log": [
@@ -60,10 +72,21 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("evaluate", "{input}", "{input}", "--json"),
         ("view", "{input}", "-o", "{out}/picture.png"),
     ],
+    "state": [
+        ("info", "{input}", "--json"),
+        ("view", "{input}", "-o", "{out}/picture.png"),
+        ("convert", "{input}", "{out}/again.pbstream"),
+        ("evaluate", "{input}", "{dir}/truth.tum", "--json"),
+        ("map", "--algo", "cartographer", "--load-state", "{input}", "-o", "{out}/map"),
+    ],
     "relations": [("evaluate", "{dir}/truth.tum", "{input}", "--json")],
     "launch": [
         ("config", "check", "{input}", "--json"),
         ("config", "show", "--config", "{input}", "--json"),
+    ],
+    "lua": [
+        ("config", "check", "{input}", "--json"),
+        ("config", "show", "--algo", "cartographer", "--config", "{input}", "--json"),
     ],
     "parameters": [
         ("config", "check", "{input}", "--json"),
@@ -89,7 +112,15 @@ COMMANDS = {kind: [command for command in commands if _exists(command)] for kind
 def make_corpus(folder: Path, kinds: list[str]) -> list[Input]:
     """Write valid inputs and return them; the kinds take turns."""
     folder.mkdir(parents=True)
-    makers: list[Callable[[Path], list[Input]]] = [_bags, _logs, _maps, _trajectories, _relations, _configurations]
+    makers: list[Callable[[Path], list[Input]]] = [
+        _bags,
+        _logs,
+        _maps,
+        _trajectories,
+        _relations,
+        _states,
+        _configurations,
+    ]
     found = [entry for maker in makers for entry in maker(folder)]
     return [entry for entry in found if COMMANDS[entry.kind] and (not kinds or entry.kind in kinds)]
 
@@ -151,7 +182,13 @@ def _record(recording: object) -> None:
             ),
         )
         write("/pose", StampedPose(stamp_ns=stamp, frame_id="map", position_m=position, quat_xyzw=identity))
-    write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=np.ones((20, 3), dtype=np.float32)))
+        points = np.arange(60, dtype=np.float32).reshape(20, 3) / 20 + 1
+        times = np.arange(20, dtype=np.int64) * 4_000_000
+        write("/points", PointCloud(stamp_ns=stamp, frame_id="lidar", points_m=points, offset_ns=times))
+        place = {"latitude_deg": 48.0 + 1e-6 * k, "longitude_deg": 11.0, "altitude_m": 500.0}
+        write("/fix", GeoFix(stamp_ns=stamp, frame_id="gps", **place))
+        seen = LandmarkObservation(id="a", position_m=position, quat_xyzw=identity)
+        write("/landmark", Landmarks(stamp_ns=stamp, frame_id="base_link", observations=(seen,)))
 
 
 def _scan(stamp_ns: int, beams: int, x_m: float) -> LaserScan:
@@ -233,11 +270,18 @@ def _relations(folder: Path) -> list[Input]:
     return [Input("relations", folder / "a.relations", (truth,))]
 
 
+def _states(folder: Path) -> list[Input]:
+    return [Input("state", path, (folder / "truth.tum",)) for path in write_states(folder)]
+
+
 def _configurations(folder: Path) -> list[Input]:
     inputs = []
     for name in ("gmapping.launch", "move_base.launch"):
         (folder / name).write_text((CONFIGS / name).read_text())
         inputs.append(Input("launch", folder / name))
+    for name in ("backpack_2d.lua", "trajectory_builder_2d.lua", "taurob_tracker.lua"):
+        (folder / name).write_text((CONFIGS / name).read_text())
+        inputs.append(Input("lua", folder / name))
     (folder / "gmapping.yaml").write_text(
         "slam_gmapping:\n  particles: 30\n  lstep: 0.05\n  base_frame: base_link\n  maxUrange: 20.0\n"
     )

@@ -139,8 +139,13 @@ def _replaced(parameters: Any, values: Mapping[str, Any]) -> Any:
 
 def unknown_name(name: str, known: Iterable[str], source: str = "") -> str:
     """Return the message for a parameter that does not exist, with the nearest names that do."""
+    known = list(known)
     lowered = {k.lower(): k for k in known}
     near = [lowered[n] for n in difflib.get_close_matches(name.lower(), lowered, n=2, cutoff=0.5)]
+    if not near:  # the last part of a dotted name alone
+        last = name.lower().rpartition(".")[2]
+        ends = difflib.get_close_matches(last, {k.lower().rpartition(".")[2] for k in known}, n=1, cutoff=0.8)
+        near = [k for k in known if k.lower().rpartition(".")[2] in ends][:2]
     where = f" in {source}" if source else ""
     hint = f"; did you mean {' or '.join(near)}?" if near else "; `slamcli config show` lists all of them"
     return f"unknown parameter {name!r}{where}{hint}"

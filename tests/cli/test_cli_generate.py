@@ -69,3 +69,11 @@ def test_a_mistake_is_one_line_and_leaves_nothing(tmp_path, capsys, arguments, c
     assert words in said.err
     assert said.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_spinning_scanner_in_any_world(tmp_path, capsys):
+    out = tmp_path / "o.mcap"
+    few = ["--set", "lidar3d.columns=60", "--set", "laser.enabled=false", "--truth", str(tmp_path / "o.tum")]
+    assert run(["generate", "office", str(out), "--duration", "3", "--lidar3d", *few]) == 0
+    assert "30 clouds" in capsys.readouterr().err
+    assert len((tmp_path / "o.tum").read_text().splitlines()) == 30

@@ -39,6 +39,9 @@ def test_show_for_a_person_marks_what_was_changed(capsys):
         (["show", "--algo", "gmaping"], "no SLAM system 'gmaping': installed are"),
         (["show", "--config", "nowhere.launch"], "nowhere.launch: no such file"),
         (["show", "--arg", "x"], "write NAME=VALUE"),
+        (["show", "--config", "pr2.lua"], "Lua files are for --algo cartographer"),
+        (["show", "--algo", "cartographer", "--set", "min_score=2"], "did you mean POSE_GRAPH.constraint_builder.min"),
+        (["show", "--algo", "cartographer", "--set", "MAP_BUILDER=2"], "unknown parameter 'MAP_BUILDER'"),
         (["check"], "Missing argument"),
     ],
 )
@@ -63,3 +66,22 @@ def test_check_sets_the_exit_code_by_severity(capsys, tmp_path):
     assert "none.yaml: no such file" in capsys.readouterr().err
     (tmp_path / "bad.yaml").write_text("a: [")
     assert run(["config", "check", str(tmp_path / "bad.yaml")]) == 1
+
+
+def test_cartographers_files_are_shown_and_checked(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["config", "show", "--algo", "cartographer", "--config", "backpack_2d.lua", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    rows = {row["name"]: row for row in document["parameters"]}
+    score = rows["POSE_GRAPH.constraint_builder.min_score"]
+    assert (score["value"], score["default"], score["changed"]) == (0.65, 0.55, True)
+    assert score["source"].endswith("backpack_2d.lua:35")
+    assert rows["POSE_GRAPH.constraint_builder.sampling_ratio"]["source"] == "default"
+    assert run(["config", "check", "backpack_2d.lua", "--json"]) == 1
+    document = json.loads(capsys.readouterr().out)
+    assert document["counts"]["error"] == 1
+    assert "options lacks lookup_transform_timeout_sec" in document["findings"][0]["message"]
+    assert run(["config", "check", "pr2.lua", "taurob_tracker.lua"]) == 0
+    (tmp_path / "loop.lua").write_text("while true do end")
+    assert run(["config", "show", "--algo", "cartographer", "--config", "loop.lua"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith("slamcli: loop.lua:1: it does not end")

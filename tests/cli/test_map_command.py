@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import shlex
 import time
 from pathlib import Path
 
@@ -59,6 +60,10 @@ def scans_only(tmp_path_factory):
         (["--duration", "2", "--set", "xmax=inf"], "extent"),
         (["--duration", "6", "--set", "proposal=improved", "--set", "llsamplestep=1e-6"], "samples of each particle"),
         (["--odom-topic", "/scan"], "it could be one of: /odom"),
+        (["--scan-topic", "/odom"], "topic /odom is nav_msgs/Odometry, not LaserScan"),
+        (["--scan-topic", "/scan", "--points-topic", "/scan"], "--points-topic /scan: gmapping has no use for it"),
+        (["--landmark-topic", "/tags"], "--landmark-topic /tags: gmapping has no use for it"),
+        (["--mode", "2d"], "--mode 2d: gmapping has one mode only"),
         (["--config", str(ROOT / "sample_data" / "README.md")], "launch files"),
         (["--truth", "none.tum"], "none.tum: no such file"),
         (["--arg", "foo"], "NAME=VALUE"),
@@ -103,6 +108,19 @@ def test_the_json_document_is_run_json_with_its_keys(tmp_path, capsys):
     assert record["frames"]["base"] == "base_link"
     assert record["summary"]["poses"] == record["summary"]["scans"] == len(read_tum("out/trajectory.tum"))
     assert record["timing"]["recording_s"] == pytest.approx(6.0)
+
+
+def test_the_recorded_command_makes_the_result_again(tmp_path):
+    (tmp_path / "office.bag").symlink_to(OFFICE)
+    mends = ["--time-offset", "/scan=0.01", "--laser-pose", "0.1,0,0", "--flip-scan", "--no-return", "free"]
+    words = ["map", "office.bag", "-o", "out", *FAST, *mends, "--map-mode", "scale", "--cloud-format", "none"]
+    assert run(words) == 0
+    command = json.loads(Path("out/run.json").read_text())["command"]
+    assert "-o" not in command.split()
+    assert "--cloud-colour" not in command
+    assert run([*shlex.split(command)[1:], "-o", "again", "-q"]) == 0
+    for name in ("trajectory.tum", "map.pgm", "map.yaml", "map.png"):
+        assert Path("out", name).read_bytes() == Path("again", name).read_bytes(), name
 
 
 def test_the_earlier_result_is_replaced_and_foreign_files_stay(tmp_path):

@@ -12,11 +12,12 @@ import pytest
 from PIL import Image
 
 from slamcli.cli.main import run
+from slamcli.formats.clouds import write_cloud
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.geometry import quaternion
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import FrameTransform, LaserScan, Odometry, StampedPose
+from slamcli.measurements import FrameTransform, LaserScan, Odometry, PointCloud, StampedPose
 from slamcli.recordings import create_recording, open_recording
 from slamcli.trajectory import Trajectory
 
@@ -109,6 +110,19 @@ def test_map_and_its_size(result, tmp_path, capsys):
     assert max(size(output)) < 400
     assert run(["view", str(result / "map.yaml")]) == 0
     assert (result / "map-view.png").is_file()
+
+
+def test_a_point_cloud_from_above(tmp_path, capsys):
+    points = np.random.default_rng(1).uniform(-5, 5, (2000, 3)).astype(np.float32)
+    write_cloud(tmp_path / "c.ply", PointCloud(stamp_ns=0, frame_id="map", points_m=points))
+    assert run(["view", str(tmp_path / "c.ply"), "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert (shown["kind"], shown["points"], shown["low_m"]) == ("cloud", 2000, points.min(axis=0).tolist())
+    with Image.open(tmp_path / "c-view.png") as picture:
+        assert min(picture.size) > 1000
+    (tmp_path / "g.pcd").write_bytes(b"garbage")
+    assert run(["view", str(tmp_path / "g.pcd")]) == 2
+    assert "neither a PLY nor a PCD" in capsys.readouterr().err
 
 
 def test_trajectories(tmp_path, capsys):

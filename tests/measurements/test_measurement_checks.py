@@ -121,6 +121,8 @@ def test_fixes_and_landmarks_that_make_no_sense():
     with pytest.raises(DataError, match="fix at 7 ns: latitude 91°"):
         GeoFix(**place)
     assert not GeoFix(**place, has_fix=False).has_fix
+    with pytest.raises(DataError, match="altitude 1e\\+300 m"):
+        GeoFix(**place | {"latitude_deg": 9.0, "altitude_m": 1e300})
     with pytest.raises(DataError, match="landmark 'a': a weight of -1"):
         LandmarkObservation(id="a", position_m=np.zeros(3), quat_xyzw=IDENTITY, rotation_weight=-1.0)
     bad = LandmarkObservation(id="a", position_m=np.array([0, np.nan, 0]), quat_xyzw=IDENTITY)

@@ -8,11 +8,14 @@ import json
 import numpy as np
 import pytest
 
+from slamcli.formats.clouds import read_cloud
+from slamcli.formats.g2o import read_g2o
 from slamcli.formats.trajectories import read_tum
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.mapper import MappingResult
-from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
+from slamcli.measurements import PointCloud
+from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
 from slamcli.posegraph import Constraint, Id, LoopSearch, MapState, Node, Submap
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
@@ -44,9 +47,9 @@ def state():
     return MapState(nodes=nodes, submaps=(submap,), constraints=constraints)
 
 
-def written(tmp_path, result):
+def written(tmp_path, result, choices=None):
     tmp_path.mkdir(exist_ok=True)
-    files = write_result(tmp_path, result, score=None, map_mode="trinary", log=RunLog())
+    files = write_result(tmp_path, result, score=None, choices=choices or OutputChoices(), log=RunLog())
     run = {"summary": summarise(result, None), "outputs": sorted([*files.names, *RECORDS])}
     document = write_records(tmp_path, run, result, files, score=None, declared=())
     saved = json.loads((tmp_path / "run.json").read_text())
@@ -86,6 +89,8 @@ def test_everything_that_a_graph_has(tmp_path):
     np.testing.assert_array_equal(read_tum(tmp_path / "a" / "keyframes.tum").stamps_ns, STAMPS)
     assert document["summary"]["free_m2"] == pytest.approx(5.0)
     assert document["steps"] == {"stamp_ns": STAMPS.tolist()}
+    graph = read_g2o(tmp_path / "a" / "graph.g2o")
+    assert (len(graph.ids), len(graph.information)) == (4, 3)
     page = (tmp_path / "a" / "report.html").read_text()
     assert "Pose graph" in page
     written(tmp_path / "b", result)
@@ -97,3 +102,17 @@ def test_a_graph_without_searches_has_no_table_of_them(tmp_path):
     names, _ = written(tmp_path, MappingResult(trajectory=TRAJECTORY, state=state()))
     assert "constraints.csv" in names
     assert "loop_closures.csv" not in names
+
+
+@pytest.mark.parametrize(("form", "colour"), [("ply", "height"), ("pcd", "intensity"), ("none", "height")])
+def test_a_cloud_in_the_form_that_is_asked_for(tmp_path, form, colour):
+    points = np.random.default_rng(0).uniform(0, 5, (50, 3)).astype(np.float32)
+    cloud = PointCloud(stamp_ns=0, frame_id="map", points_m=points, intensities=points[:, 0].copy())
+    names, _ = written(
+        tmp_path,
+        MappingResult(trajectory=TRAJECTORY, cloud=cloud),
+        OutputChoices(cloud_format=form, cloud_colour=colour),
+    )
+    assert {name for name in names if name.startswith("cloud")} == ({f"cloud.{form}"} if form != "none" else set())
+    if form != "none":
+        np.testing.assert_array_equal(read_cloud(tmp_path / f"cloud.{form}").points_m, points)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,8 @@ from slamcli.measurements import (
 from slamcli.parameters import resolve
 from slamcli.pipelines.message_sampling import FixedRatioSampler
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
-from slamcli.recordings import Mends, Recording, create_recording, open_recording
+from slamcli.recordings import Mends, Recording, adapters, create_recording, open_recording
+from slamcli.recordings.adapters import laser_scan
 from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.runtime import RunLog
 
@@ -369,6 +371,23 @@ def test_a_recording_without_range_sensors(tmp_path: Path):
             feed(recording)
         with pytest.raises(RecordingError, match="no sensor_msgs/LaserScan topic"):
             feed(recording, GMAPPING)
+
+
+def test_a_scanner_whose_messages_are_garbage_is_left_out(robot: Path, monkeypatch: pytest.MonkeyPatch):
+    decode = laser_scan.ADAPTER.decode
+
+    def broken(message: Any, stamp_ns: int, context: Any) -> Any:
+        if context.topic == "/rear/scan":
+            raise ValueError("garbage")
+        return decode(message, stamp_ns, context)
+
+    adapter = replace(laser_scan.ADAPTER, decode=broken)
+    monkeypatch.setitem(adapters._BY_MSGTYPE, "sensor_msgs/msg/LaserScan", adapter)
+    with open_recording(robot) as recording:
+        assert counted(feed(recording, scans=("/rear/scan", "/scan"), imu="none", fixes="none"))["/scan"] == 10
+        assert "/rear/scan: no message can be decoded, it is left out" in recording.log.warnings
+        with pytest.raises(RecordingError, match="no message on topic /rear/scan can be decoded"):
+            feed(recording, scans=("/rear/scan",))
 
 
 def test_a_given_pose_is_for_one_scanner(robot: Path):

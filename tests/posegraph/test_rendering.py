@@ -9,7 +9,8 @@ from slamcli.geometry import se3
 from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.grids.tsdf_grid import TsdfGrid
 from slamcli.posegraph import Id, MapState, Node, Submap
-from slamcli.posegraph.rendering import draw_state, state_trajectory
+from slamcli.posegraph.node_trajectory import state_trajectory
+from slamcli.posegraph.rendering import draw_state
 
 FREE, WALL = 32767, 1
 

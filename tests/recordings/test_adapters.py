@@ -85,6 +85,19 @@ MEASUREMENTS: list[tuple[str, Any]] = [
             offset_ns=np.array([-100_000_000, 0]),
         ),
     ),
+    (
+        "sensor_msgs/msg/PointCloud2",
+        PointCloud(
+            stamp_ns=STAMP,
+            frame_id="lidar",
+            points_m=RNG.normal(size=(4, 3)).astype(np.float32),
+            offset_ns=np.array([0, 10, 50_000_000, 99_999_999]),
+            intensities=RNG.random(4).astype(np.float32),
+            rings=np.array([0, 1, 1, 2], dtype=np.uint16),
+            shape=(3, 5),
+            cells=np.array([2, 5, 9, 14]),
+        ),
+    ),
     ("sensor_msgs/msg/PointCloud2", PointCloud(stamp_ns=STAMP, frame_id="l", points_m=np.zeros((0, 3), np.float32))),
     (
         "sensor_msgs/msg/Imu",

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from slamcli.cli.main import run
 from slamcli.geometry import quaternion
-from slamcli.measurements import CameraModel, FrameTransform, Image, ImuSample, LaserScan, Odometry
+from slamcli.measurements import CameraModel, FrameTransform, Image, ImuSample, LaserScan, Odometry, PointCloud
 from slamcli.recordings import RecordingWriter, create_recording, open_recording
 from slamcli.recordings.checks import CHECKS, Finding
 from slamcli.recordings.diagnosis import Diagnosis, diagnose
@@ -480,8 +480,63 @@ def _swept(time_increment_s: float, scan_time_s: float, log_delay_s: float, path
 
 @pytest.mark.parametrize("times", [(0.1 / 119, 0.1), (0.0, 0.1), (0.0, 0.0), (1e-9, 1e-4), (5.0, 1e9)])
 def test_a_sweep_is_no_clock_offset(tmp_path: Path, times: tuple[float, float]) -> None:
-    assert not _by(_swept(*times, 0.15, tmp_path / "a.mcap"), "error", "warning")
+    told = _by(_swept(*times, 0.15, tmp_path / "a.mcap"), "error", "warning")
+    # A sweep of minutes ten times a second is another matter.
+    assert [check for check, _ in told] == (["sweep-overlap"] if times[0] == 5.0 else [])
     late = _swept(*times, 0.4, tmp_path / "b.mcap")
     (finding,) = _found(late, "stamp-clocks")
     assert finding.mend == "--time-offset /scan=0.300"
     assert "beside a sweep of 0.100 s" in _found(late, "stamp-delay")[0].message
+
+
+def test_sweeps_that_overlap(tmp_path: Path) -> None:
+    (finding,) = _found(_swept(0.12 / 119, 0.0, 0.15, tmp_path / "a.mcap"), "sweep-overlap")
+    assert (finding.severity, finding.count) == ("warning", 199)
+    assert "by up to 0.02 s (a sweep takes 0.12 s by its points' times, and they come every 0.1 s)" in finding.message
+    assert not _found(_swept(0.1 / 119, 0.0, 0.15, tmp_path / "b.mcap"), "sweep-overlap")
+
+
+def test_stamps_of_the_sweeps_end(tmp_path: Path) -> None:
+    (finding,) = _found(_swept(0.08 / 119, 0.0, 0.005, tmp_path / "a.mcap"), "sweep-stamp")
+    assert finding.mend == "--time-offset /scan=-0.080"
+    assert "logged 0.075 s before their last point was measured" in finding.message
+    assert not _found(_swept(0.08 / 119, 0.0, 0.081, tmp_path / "b.mcap"), "sweep-stamp")
+
+
+def test_sweeps_that_repeat_and_a_scanner_that_sees_nothing(tmp_path: Path) -> None:
+    def scan(self: Robot, i: int, stamp: int, yaw: float) -> LaserScan:
+        if 50 <= i < 80:
+            return _scan(stamp, yaw, ranges_m=np.full(NUM_BEAMS, np.inf, np.float32))
+        return _scan(stamp, 0.0 if i < 3 else yaw)
+
+    diagnosis = _diagnose(_faulty(scan=scan).write(tmp_path / "a.mcap"))
+    (repeated,) = _found(diagnosis, "sweep-repeated")
+    assert (repeated.severity, repeated.count, repeated.stamp_ns) == ("note", 2, START + S // 10)
+    (blind,) = _found(diagnosis, "sweep-blind")
+    assert (blind.severity, blind.count, blind.stamp_ns) == ("warning", 30, START + 5 * S)
+    assert "30 of 200 sweeps hold no distance at all, for up to 3 s" in blind.message
+
+
+def _clouds(path: Path, offset_ns: np.ndarray | None, frame: str = "laser") -> Diagnosis:
+    def more(self: Robot, writer: RecordingWriter, i: int, stamp: int) -> None:
+        points = np.random.default_rng(i).normal(size=(10, 3)).astype(np.float32)
+        cloud = PointCloud(stamp_ns=stamp, frame_id=frame, points_m=points, offset_ns=offset_ns)
+        writer.write("/points", cloud, log_time_ns=stamp + 60_000_000)
+
+    return _diagnose(_faulty(more=more).write(path))
+
+
+def test_clouds_without_times_or_with_overlapping_ones(tmp_path: Path) -> None:
+    (finding,) = _found(_clouds(tmp_path / "a.mcap", None), "point-times")
+    assert finding.message.startswith("points carry no times")
+    times = np.linspace(0, 60_000_000, 10).astype(np.int64)
+    diagnosis = _clouds(tmp_path / "b.mcap", times)
+    assert not _found(diagnosis, "point-times")
+    (finding,) = _found(diagnosis, "sweep-overlap")
+    assert (finding.topic, finding.count) == ("/points", 399)
+
+
+def test_frames_with_a_leading_slash(tmp_path: Path) -> None:
+    (finding,) = _found(_clouds(tmp_path / "a.mcap", None, "/laser"), "frame-slash")
+    assert finding.topic == "/points"
+    assert "written /laser" in finding.message

@@ -35,7 +35,7 @@ def command() -> None:
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Native file of the system (launch, YAML); may be given several times, later ones win.",
+    help="Native file of the system (launch, YAML, Lua); may be given several times, later ones win.",
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="One parameter under its native name.")
 @click.option("--arg", "arguments", multiple=True, metavar="NAME=VALUE", help="Value for an argument of a launch file.")
@@ -72,7 +72,7 @@ def show_command(
 @click.option("--strict", is_flag=True, help="Exit with 1 for warnings as well.")
 @json_option
 def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_json: bool) -> int:
-    """Say what is wrong with native files: launch files, ROS parameter YAML, map YAML.
+    """Say what is wrong with native files: launch files, ROS parameter YAML, map YAML, Cartographer's Lua.
 
     An error is what the real system refuses or ignores: an unknown name, a wrong type, a value out of range. A warning
     is a value that does not do what it seems to. Exits with 1 if there is an error.

@@ -75,20 +75,26 @@ def command(
     as_json: bool,
     verbosity: int,
 ) -> int:
-    """Convert recordings and classic logs between formats.
+    """Convert recordings and classic logs between formats, or a saved state to its trajectory.
 
     SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording) or a classic log
     (CARMEN .log and .clf, BreezySLAM exp*.dat, also gzipped CARMEN). DST is named .bag (ROS 1), .mcap, .db3, or is a
     folder (a ROS 2 bag). Messages and stamps are kept; what DST held before is replaced in one step; DST.run.json says
     what was done.
 
+    Of a state of Cartographer (.pbstream; NAME:1 for one of several trajectories) the trajectory is written, to .tum,
+    .kitti or .csv (EuRoC), or the state anew, to .pbstream.
+
     \b
     slamcli convert intel.clf.gz intel.mcap
     slamcli convert drive.bag drive_ros2
     slamcli convert drive_0.bag drive_1.bag drive.mcap --topics /scan,/odom,/tf,/tf_static
+    slamcli convert state.pbstream path.tum
     """  # noqa: D301 (click wants the character)
     from slamcli.errors import UsageError
+    from slamcli.formats.pbstream.container import is_pbstream
     from slamcli.pipelines.convert import Selection, convert
+    from slamcli.pipelines.trajectories import parse_source
     from slamcli.recordings.breezy import BreezyOptions
     from slamcli.recordings.carmen import CarmenOptions
     from slamcli.runtime import RunLog
@@ -101,6 +107,10 @@ def command(
         raise UsageError("--wheels: give radius and half axle in metres, and ticks per turn")
     if len(paths) < 2:
         raise UsageError("name what to convert and where to: slamcli convert SRC DST")
+    if is_pbstream(parse_source(str(paths[0])).path):
+        with Console(verbosity) as console:
+            _convert_state(paths, console, as_json=as_json)
+        return 0
     carmen = CarmenOptions(fov_rad=math.radians(laser_fov) if laser_fov else None, max_range_m=laser_max_range)
     robot: dict[str, Any] = {"laser_ahead_m": laser_ahead, "range_max_m": laser_max_range}
     if wheels:
@@ -127,6 +137,28 @@ def command(
         elif verbosity >= 0:
             click.echo(_summary(conversion, seconds))
     return 0
+
+
+def _convert_state(paths: tuple[Path, ...], console: Console, *, as_json: bool) -> None:
+    from slamcli.errors import UsageError
+    from slamcli.pipelines.convert_state import convert_state
+    from slamcli.runtime import RunLog
+
+    if len(paths) > 2:
+        raise UsageError(f"{paths[0]} is a saved state: one at a time (slamcli map joins several)")
+    log = RunLog(console)
+    made = convert_state(str(paths[0]), paths[1], log)
+    console.tell(log)
+    if as_json:
+        print_json(
+            {
+                "sources": [str(made.source)], "source_format": "pbstream", "target": str(made.target),
+                "format": made.format, "poses": made.poses, "size_bytes": made.size_bytes,
+                "notes": log.notes, "warnings": log.warnings, "seconds": round(made.seconds, 3),
+            }
+        )  # fmt: skip
+    else:
+        console.say(f"{made.target}: {made.format}, {made.poses} poses, {made.size_bytes / 1e6:.1f} MB")
 
 
 def _document(

@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.info_state import tell_state
 from slamcli.cli.options import json_option, verbosity_options
+from slamcli.cli.quantities import duration_text, size_text, time_text
 from slamcli.cli.recording_options import recording_options
 
 if TYPE_CHECKING:
@@ -28,16 +29,20 @@ if TYPE_CHECKING:
 @recording_options
 @verbosity_options
 def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, verbosity: int) -> int:
-    """Say what a recording holds, and which SLAM systems can run on it.
+    """Say what a recording or a saved state holds, and which SLAM systems can run on it.
 
     BAG is a ROS 1 bag, a ROS 2 folder or file, an MCAP file, or a CARMEN or exp*.dat log; several files are read as one
-    recording. Of recordings over 64 MB only the index and the first seconds are read, unless --full is given.
+    recording. Of recordings over 64 MB only the index and the first seconds are read, unless --full is given. BAG may also be one state that Cartographer or
+    `slamcli map --algo cartographer` saved (.pbstream).
     """
     from slamcli.recordings import open_recording
     from slamcli.recordings.summary import summarise
     from slamcli.runtime import RunLog
 
     with Console(verbosity) as console:
+        if _is_state(bags):
+            tell_state(bags[0], console, as_json=as_json)
+            return 0
         log = RunLog(console)
         with (
             open_recording(bags, mends=mends, log=log) as recording,
@@ -56,6 +61,23 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
     else:
         click.echo(_text(summary))
     return 0
+
+
+def _is_state(bags: tuple[Path, ...]) -> bool:
+    """Return whether a state is meant.
+
+    Raises
+    ------
+    UsageError
+        If a state is one of several files.
+    """
+    from slamcli.errors import UsageError
+    from slamcli.formats.pbstream.container import is_pbstream
+
+    found = [bag for bag in bags if is_pbstream(bag)]
+    if found and len(bags) > 1:
+        raise UsageError(f"{found[0]} is a saved state: one at a time")
+    return bool(found)
 
 
 def _document(summary: RecordingSummary, log: RunLog) -> dict[str, Any]:
@@ -136,12 +158,12 @@ def _camera_document(camera: CameraModel) -> dict[str, Any]:
 
 def _text(summary: RecordingSummary) -> str:
     contents = summary.contents
-    size = _size(contents.size_bytes)
+    size = size_text(contents.size_bytes)
     names = ", ".join(str(path) for path in contents.paths[:4]) + (", …" if len(contents.paths) > 4 else "")
     lines = [
         f"{names}",
         f"  {contents.format}, {size}, compression {contents.compression}",
-        f"  {_messages(contents.num_messages)} in {_duration(summary.duration_s)}, from {_time(contents.start_ns)}",
+        f"  {_messages(contents.num_messages)} in {duration_text(summary.duration_s)}, from {time_text(contents.start_ns)}",
     ]
     lines += [f"  damaged: {damage}" for damage in contents.damage]
     if summary.sampled_s is not None:
@@ -200,29 +222,3 @@ def _frame_lines(frames: FrameTree) -> list[str]:
 
 def _messages(count: int | None) -> str:
     return "an unknown number of messages" if count is None else f"{count} messages"
-
-
-def _size(size_bytes: int) -> str:
-    size = float(size_bytes)
-    for unit in ("B", "kB", "MB"):
-        if size < 1000:
-            return f"{size:.4g} {unit}"
-        size /= 1000
-    return f"{size:.4g} GB"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 120:
-        return f"{seconds:.3f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{seconds:.1f} s ({minutes // 60}:{minutes % 60:02}:{rest:02})"
-
-
-def _time(stamp_ns: int | None) -> str:
-    """Return a log time as a date, or as seconds where it is none that a person would recognise."""
-    if stamp_ns is None:
-        return "?"
-    if not 10**17 < stamp_ns < 10**19 // 2:
-        return f"{stamp_ns / 1e9:.3f} s"
-    moment = dt.datetime.fromtimestamp(stamp_ns // 10**9, tz=dt.UTC)
-    return f"{moment:%Y-%m-%d %H:%M:%S} UTC"

@@ -13,13 +13,15 @@ import click
 from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
-from slamcli.cli.recording_options import recording_options
+from slamcli.cli.recording_options import given_mends, recording_options
 from slamcli.runtime import RunLog
 
 if TYPE_CHECKING:
     from slamcli.pipelines.map import MapOutcome
     from slamcli.recordings import Mends
 
+_CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "height"}
+"""Options that say how files are written, with their defaults."""
 _FILES = ("load_states", "load_frozen_states")
 """Options that name an input, as BAG does: without its folder in the recorded command."""
 
@@ -40,7 +42,7 @@ _FILES = ("load_states", "load_frozen_states")
     "config_files",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Native file of the system (launch, YAML); later wins.",
+    help="Native file of the system (launch, YAML, Lua); later wins.",
 )
 @click.option(
     "--set",
@@ -97,9 +99,23 @@ _FILES = ("load_states", "load_frozen_states")
 @click.option(
     "--map-mode",
     type=click.Choice(["trinary", "scale", "raw"]),
-    default="trinary",
+    default=_CHOICES["map_mode"],
     show_default=True,
     help="How occupancy is written into map.pgm.",
+)
+@click.option(
+    "--cloud-format",
+    type=click.Choice(["ply", "pcd", "none"]),
+    default=_CHOICES["cloud_format"],
+    show_default=True,
+    help="File of the points of a 3D map.",
+)
+@click.option(
+    "--cloud-colour",
+    type=click.Choice(["height", "intensity", "none"]),
+    default=_CHOICES["cloud_colour"],
+    show_default=True,
+    help="By what its points are coloured.",
 )
 @click.option(
     "--truth", metavar="TRAJECTORY", help="True trajectory (file, or BAG:/topic): its errors go into the report."
@@ -127,15 +143,19 @@ def command(
     slamcli map --algo cartographer second.mcap --load-state first/state.pbstream
     slamcli map --algo cartographer --load-state state.pbstream -o drawn
 
-    The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan), map.png, report.html and run.json.
+    The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan), map.png, report.html and run.json;
+    of graph-based systems also the graph, of 3D ones the points.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
     from slamcli.pipelines.map import MapRequest, run_map
+    from slamcli.pipelines.map_outputs import OutputChoices
 
     launch_arguments = _pairs(arguments)
+    command = _command_line(bag, launch_arguments, options, given_mends(click.get_current_context()))
+    choices = OutputChoices(**{name: options.pop(name) for name in _CHOICES})
     request = MapRequest(
         inputs=bag, mends=mends, jobs=jobs or os.cpu_count() or 1, launch_arguments=launch_arguments,
-        command=_command_line(bag, launch_arguments, options), **options,
+        choices=choices, command=command, **options,
     )  # fmt: skip
     with Console(verbosity) as console:
         if not kernel_cache.is_filled("registration"):
@@ -180,7 +200,9 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
     return pairs
 
 
-def _command_line(bag: tuple[Path, ...], arguments: dict[str, str], options: dict[str, Any]) -> str:
+def _command_line(
+    bag: tuple[Path, ...], arguments: dict[str, str], options: dict[str, Any], mends: dict[str, Any]
+) -> str:
     """Return the command that makes this result again: without the output folder and what cannot change the result."""
     words = ["slamcli", "map", "--algo", options["algo"], *(path.name for path in bag), "--seed", str(options["seed"])]
     names = {
@@ -189,15 +211,14 @@ def _command_line(bag: tuple[Path, ...], arguments: dict[str, str], options: dic
         "load_states": "--load-state", "load_frozen_states": "--load-frozen-state",
     }  # fmt: skip
     for key, value in options.items():
-        if (
-            key in ("algo", "seed", "output", "save_state")
-            or value in (None, ())
-            or (key == "map_mode" and value == "trinary")
-        ):
+        if key in ("algo", "seed", "output", "save_state") or value in (None, ()) or value == _CHOICES.get(key):
             continue
         flag = names.get(key, f"--{key.replace('_', '-')}")
         for item in value if isinstance(value, tuple) else (value,):
             words += [flag, item.name if isinstance(item, Path) and key in _FILES else str(item)]
     for name, value in arguments.items():
         words += ["--arg", f"{name}={value}"]
+    for flag, value in mends.items():
+        for item in value if isinstance(value, tuple) else (value,):
+            words += [flag] if item is True else [flag, str(item)]
     return shlex.join(words)

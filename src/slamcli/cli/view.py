@@ -61,12 +61,13 @@ def command(
 ) -> int:
     """Draw a recording, a result or a map.
 
-    SOURCE is a folder that `slamcli map` wrote, a map's .yaml, one or more trajectory files, or a recording (several
-    files that belong together count as one).
+    SOURCE is a folder that `slamcli map` wrote, a map's .yaml, a saved state (.pbstream), one or more trajectory files,
+    or a recording (several files that belong together count as one).
 
     \b
     slamcli view intel                          the map with the trajectory on it, intel/view.png
     slamcli view map.yaml -o map.png            any map that map_server reads
+    slamcli view state.pbstream                 map and trajectory of a state of Cartographer
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
     slamcli view intel -o intel.mcap            map, path, poses and tf for Foxglove and RViz
     slamcli view drive.bag                      topics over time, odometry and scans

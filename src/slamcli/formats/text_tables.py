@@ -113,10 +113,10 @@ def parse_numbers(fields: Sequence[str], path: str | os.PathLike[str], line: int
         values = [float(field) for field in fields]
     except ValueError:
         wrong = next(field for field in fields if not _is_number(field))
-        raise FormatError(f"{path}, line {line}: {_shown(wrong)} is not a number") from None
+        raise FormatError(f"{path}, line {line}: {shown(wrong)} is not a number") from None
     for field, value in zip(fields, values, strict=True):
         if not math.isfinite(value):
-            raise FormatError(f"{path}, line {line}: {_shown(field)} is not a finite number")
+            raise FormatError(f"{path}, line {line}: {shown(field)} is not a finite number")
     return values
 
 
@@ -145,17 +145,17 @@ def parse_stamps_ns(texts: Sequence[str], lines: Sequence[int], path: str | os.P
         else:
             stamp = _decimal_stamp(text, digits, path, line)
         if not -_STAMP_LIMIT_NS <= stamp < _STAMP_LIMIT_NS:
-            raise FormatError(f"{path}, line {line}: stamp {_shown(text)} is out of range")
+            raise FormatError(f"{path}, line {line}: stamp {shown(text)} is out of range")
         stamps.append(stamp)
     return stamps
 
 
 def _decimal_stamp(text: str, digits: int, path: str | os.PathLike[str], line: int) -> int:
     if len(text) > 60 or not _is_number(text):
-        raise FormatError(f"{path}, line {line}: stamp {_shown(text)} is not a number")
+        raise FormatError(f"{path}, line {line}: stamp {shown(text)} is not a number")
     value = decimal.Decimal(text)
     if not value.is_finite() or (value and value.adjusted() > 30):
-        raise FormatError(f"{path}, line {line}: stamp {_shown(text)} is out of range")
+        raise FormatError(f"{path}, line {line}: stamp {shown(text)} is out of range")
     scaled = value.scaleb(digits, _EXACT)
     return int(scaled.to_integral_value(rounding=decimal.ROUND_HALF_EVEN, context=_EXACT))
 
@@ -204,5 +204,6 @@ def _is_number(text: str) -> bool:
     return "_" not in text
 
 
-def _shown(text: str) -> str:
+def shown(text: str) -> str:
+    """Return a field as messages quote it: shortened where it is long."""
     return repr(text if len(text) <= 40 else text[:37] + "...")

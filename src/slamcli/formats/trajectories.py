@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import FormatError, UsageError
 from slamcli.formats import text_tables
+from slamcli.formats.pbstream.container import is_pbstream
 from slamcli.formats.text_tables import Row
 from slamcli.geometry import quaternion
 from slamcli.outputs import atomic_file
@@ -39,12 +40,13 @@ _FRAME_NS = 1_000_000_000
 
 
 def read_trajectory(path: PathLike, *, log: RunLog | None = None, unit: str = "auto") -> Trajectory:
-    """Return the trajectory of a TUM, KITTI or EuRoC file; the format is found from the first line of data.
+    """Return the trajectory of a TUM, KITTI or EuRoC file, or of a saved state; text formats are told by their first line.
 
     Parameters
     ----------
     path
-        The file: eight columns are TUM, twelve KITTI, eight or more separated by commas EuRoC.
+        The file: eight columns are TUM, twelve KITTI, eight or more separated by commas EuRoC; a ``.pbstream`` with one
+        trajectory has the optimised poses of its nodes.
     log
         Takes notes on what was found: units of stamps, orientations that are missing or not of length one.
     unit
@@ -54,7 +56,13 @@ def read_trajectory(path: PathLike, *, log: RunLog | None = None, unit: str = "a
     ------
     FormatError
         If it is none of these formats, or a line is wrong; the message names file and line.
+    UsageError
+        If a state has several trajectories.
     """
+    if is_pbstream(path):
+        from slamcli.formats.pbstream.node_poses import read_node_poses  # brings numba, which text files do not need
+
+        return read_node_poses(path, log=log)
     kind = find_format(path)
     if kind == "kitti":
         return read_kitti(path, log=log)

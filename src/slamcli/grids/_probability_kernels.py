@@ -21,8 +21,8 @@ def add_scan(
 ):
     """Update `cells` (H, W) by one scan: `points` are hits, beams to `misses` only clear; all seen from `pose`.
 
-    `changed` is int64 scratch for flat indices; returns how many of it are used, or -1 if it was too small or a beam
-    leaves the grid (then nothing was changed that is not undone).
+    `changed` is int64 scratch for flat indices of at least `scratch_size`; returns how many of it are used. The grid must
+    hold every beam with a cell around (`ProbabilityGrid.with_room`): nothing is checked here.
     """
     columns = cells.shape[1]
     c, s = math.cos(pose[2]), math.sin(pose[2])

@@ -31,7 +31,9 @@ class GeoFix:
     topic: str = ""
 
     def __post_init__(self) -> None:
-        if self.has_fix and not (abs(self.latitude_deg) <= 90 and abs(self.longitude_deg) <= 360):
+        on_earth = abs(self.latitude_deg) <= 90 and abs(self.longitude_deg) <= 360 and not abs(self.altitude_m) > 1e8
+        if self.has_fix and not on_earth:
             raise DataError(
-                f"fix at {self.stamp_ns} ns: latitude {self.latitude_deg:g}°, longitude {self.longitude_deg:g}°"
+                f"fix at {self.stamp_ns} ns: latitude {self.latitude_deg:g}°, longitude {self.longitude_deg:g}°, "
+                f"altitude {self.altitude_m:g} m"
             )

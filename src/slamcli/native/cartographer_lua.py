@@ -116,9 +116,9 @@ def _chosen(result: LuaResult, path: str) -> tuple[dict[str, dict[str, Any]], bo
                 misfits.append(Misfit(fatal=False, message=_detached(name, way)))
         elif name in own:
             chosen[name] = own[name]
-            misfits.append(
-                Misfit(fatal=True, message=f"options.{way} is missing: write {way.rpartition('.')[2]} = {name}")
-            )
+            outer, _, key = way.rpartition(".")
+            if not outer or isinstance(_at(options, outer), dict):  # else the outer table's absence says it all
+                misfits.append(Misfit(fatal=True, message=f"options.{way} is missing: write {key} = {name}"))
         elif table is not None:
             chosen.setdefault("", {})[way] = table  # a value where a table belongs: an unknown name
     return _unnested(chosen), True, misfits

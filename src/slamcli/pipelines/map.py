@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from slamcli.errors import CalibrationError, UsageError
-from slamcli.formats.map_modes import Mode
-from slamcli.formats.pbstream import write_state
+from slamcli.formats.pbstream.writing import write_state
 from slamcli.mapper import MappingResult, Setup, find_tier
 from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.evaluate import score_trajectory
-from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
+from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
 from slamcli.pipelines.run_record import describe_inputs, run_document
 from slamcli.pipelines.saved_state import check_resumes, load_states, result_of
@@ -58,7 +57,7 @@ class MapRequest:
     duration_s: float | None = None
     seed: int = 0
     jobs: int = 1
-    map_mode: Mode = "trinary"
+    choices: OutputChoices = field(default_factory=OutputChoices)
     truth: str | None = None
     """True trajectory to score against: a file, or a topic of a recording."""
     mends: Mends = field(default_factory=Mends)
@@ -116,7 +115,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     score = None if reference is None else score_trajectory(result.trajectory, reference, log=log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
-            written = write_result(folder, result, score=score, map_mode=request.map_mode, log=log)
+            written = write_result(folder, result, score=score, choices=request.choices, log=log)
         document = run_document(
             command=request.command, algo=request.algo, parameters=as_dict(run.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=run.topics, frames=run.frames, log=log, total_s=time.perf_counter() - began,

@@ -6,14 +6,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from slamcli.formats.clouds import Colour, write_cloud
 from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
+from slamcli.formats.g2o import graph_of_state, write_g2o
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
-from slamcli.formats.pbstream import write_state
+from slamcli.formats.pbstream.writing import write_state
 from slamcli.formats.trajectories import write_tum
 from slamcli.mapper import MappingResult
 from slamcli.parameters import Declaration
@@ -25,8 +27,18 @@ from slamcli.reports.html import report
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
+CloudFormat = Literal["ply", "pcd", "none"]
 RECORDS = ("report.html", "run.json")
 """What is written last, because it tells of everything else."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputChoices:
+    """How the user wants files to be written."""
+
+    map_mode: Mode = "trinary"
+    cloud_format: CloudFormat = "ply"
+    cloud_colour: Colour = "height"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +53,7 @@ class Written:
 
 
 def write_result(
-    folder: Path, result: MappingResult, *, score: TrajectoryScore | None, map_mode: Mode, log: RunLog
+    folder: Path, result: MappingResult, *, score: TrajectoryScore | None, choices: OutputChoices, log: RunLog
 ) -> Written:
     """Write what the result has into `folder`; what it has not leaves no file."""
     write_tum(folder / "trajectory.tum", result.trajectory)
@@ -50,12 +62,15 @@ def write_result(
     if result.state is not None:
         write_constraints(folder / "constraints.csv", result.state)
         write_state(folder / "state.pbstream", result.state)
+        write_g2o(folder / "graph.g2o", graph_of_state(result.state))
     if result.loop_searches:
         write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
+    if result.cloud is not None and choices.cloud_format != "none":
+        write_cloud(folder / f"cloud.{choices.cloud_format}", result.cloud, colour=choices.cloud_colour)
     truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
     picture = b""
     if result.grid is not None:
-        write_map(folder / "map.yaml", result.grid, mode=map_mode)
+        write_map(folder / "map.yaml", result.grid, mode=choices.map_mode)
         picture = map_png(result.grid, trajectory=result.trajectory, truth=truth)
         (folder / "map.png").write_bytes(picture)
     return Written(names=tuple(sorted(path.name for path in folder.iterdir())), map_image=picture, truth=truth)

@@ -61,7 +61,8 @@ def read_native(
         raise ConfigError(f"{path}: {algo} reads Lua files (.lua) and launch files (.launch, .xml)")
     if suffix in (".yaml", ".yml"):
         return NativeFile(settings=[_own(setting, algo) for setting in read_ros_yaml(path)])
-    raise ConfigError(f"{path}: {algo} reads launch files (.launch, .xml) and parameter files (.yaml)")
+    hint = f"; Lua files are for --algo {CARTOGRAPHER}" if suffix == ".lua" else ""
+    raise ConfigError(f"{path}: {algo} reads launch files (.launch, .xml) and parameter files (.yaml){hint}")
 
 
 def _read_launch(

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from slamcli.errors import EstimationError, UsageError
-from slamcli.formats.pbstream import read_state
+from slamcli.formats.pbstream.reading import read_state
 from slamcli.mapper import MappingResult, find_tier
 from slamcli.posegraph import MapState, freeze, merge_states
-from slamcli.posegraph.rendering import draw_state, state_trajectory
+from slamcli.posegraph.node_trajectory import state_trajectory
+from slamcli.posegraph.rendering import draw_state
 from slamcli.runtime import RunLog
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from slamcli.errors import FormatError, RecordingError, UsageError
 from slamcli.formats import trajectories
+from slamcli.formats.pbstream.container import is_pbstream
 from slamcli.geometry import se3
 from slamcli.measurements import FrameTransform, Odometry, StampedPose
 from slamcli.recordings import open_recording
@@ -65,7 +66,8 @@ def load_trajectory(
     Parameters
     ----------
     text
-        A TUM, KITTI or EuRoC file; ``recording:/topic`` with poses (PoseStamped, PoseWithCovarianceStamped, Odometry, Path
+        A TUM, KITTI or EuRoC file; a saved state (``state.pbstream``, or ``state.pbstream:1`` for one of several
+        trajectories); ``recording:/topic`` with poses (PoseStamped, PoseWithCovarianceStamped, Odometry, Path
         or TransformStamped); or ``recording:frame>child_frame``, a chain of transforms.
     times
         A file of stamps for a KITTI file.
@@ -82,6 +84,10 @@ def load_trajectory(
         If it cannot be read; the message names file and line, or file and topic.
     """
     source = parse_source(os.fspath(text))
+    if is_pbstream(source.path):
+        from slamcli.formats.pbstream.node_poses import read_node_poses  # brings numba, which few commands need
+
+        return read_node_poses(source.path, source.part, log=log)
     if source.part or is_recording(source.path):
         if times is not None:
             raise UsageError("a times file goes with a KITTI file of poses, not with a recording")

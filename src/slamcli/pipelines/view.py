@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import UsageError
+from slamcli.formats.clouds import read_cloud
 from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
@@ -20,6 +21,7 @@ from slamcli.outputs import atomic_file
 from slamcli.pipelines.view_alignment import Alignment, laid_over
 from slamcli.pipelines.view_source import default_output, find_kind
 from slamcli.reports.figures import map_png, raster, track
+from slamcli.reports.figures.cloud import cloud_view
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
@@ -34,7 +36,7 @@ class Viewed:
     """What was drawn, and where it lies."""
 
     kind: str
-    """result, map, trajectory or recording."""
+    """result, map, cloud, state, trajectory or recording."""
     output: Path
     facts: Mapping[str, Any]
     """Figures of what is shown, for ``--json``."""
@@ -68,7 +70,7 @@ def view(
     Parameters
     ----------
     sources
-        One result folder or map.yaml, one or more trajectory files, or the files of one recording.
+        One result folder, map.yaml, point cloud or saved state, one or more trajectory files, or the files of one recording.
     output
         The PNG, or an .mcap for a result. None for `slamcli.pipelines.view_source.default_output`.
     options
@@ -84,7 +86,7 @@ def view(
     options, log = options or ViewOptions(), log if log is not None else RunLog()
     kind = find_kind(sources)
     output = output or default_output(sources[0], kind)
-    if output.suffix.lower() == ".mcap" and kind != "recording":
+    if output.suffix.lower() == ".mcap" and kind not in ("recording", "cloud"):
         return Viewed(kind=kind, output=output, facts=_write_mcap(sources, kind, output, options, log))
     if output.suffix.lower() != ".png":
         raise UsageError(f"{output}: pictures are written as .png, results also as .mcap")
@@ -92,6 +94,8 @@ def view(
         from slamcli.pipelines.view_recording import draw_recording
 
         image, facts = draw_recording(sources, options, log)
+    elif kind == "cloud":
+        image, facts = _draw_cloud(sources[0], options, log)
     elif kind == "trajectory":
         image, facts = _draw_trajectories(sources, options, log)
     else:
@@ -125,6 +129,13 @@ def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Conten
     if path is not None and (kind == "trajectory" or path.is_file()):
         trajectory = read_trajectory(path, log=log)
         facts |= trajectory_facts(trajectory)
+    if kind == "state":
+        from slamcli.formats.pbstream.reading import read_state  # brings numba, which other pictures do not need
+        from slamcli.pipelines.saved_state import result_of
+
+        drawn = result_of(read_state(source, log=log), map_frame="map", base_frame="base_link", log=log)
+        grid, trajectory = drawn.grid, drawn.trajectory
+        facts |= dict(drawn.summary) | ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
     if grid is None and trajectory is None:
         raise UsageError(f"{source}: neither map.yaml nor trajectory.tum lies in this result")
     truth = read_truth(options, trajectory, log)
@@ -191,6 +202,17 @@ def _draw_trajectories(sources: Sequence[Path], options: ViewOptions, log: RunLo
     if len(read) > 1:
         facts["others"] = [{"file": str(s), **trajectory_facts(t)} for s, t in zip(sources[1:], read[1:], strict=True)]
     return raster.png(image), facts
+
+
+def _draw_cloud(source: Path, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
+    """Draw a point cloud from above, with the trajectory that is given as truth."""
+    points = read_cloud(source).points_m
+    if not len(points):
+        raise UsageError(f"{source}: a point cloud without points")
+    truth = None if options.truth is None else read_trajectory(options.truth, log=log)
+    image = cloud_view(points, (0, 1), trajectory=truth, max_pixels=options.max_pixels)
+    low, high = points.min(axis=0), points.max(axis=0)
+    return raster.png(image), {"points": len(points), "low_m": low.tolist(), "high_m": high.tolist()}
 
 
 def map_facts(grid: OccupancyGrid) -> dict[str, Any]:

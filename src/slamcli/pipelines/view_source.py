@@ -7,15 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slamcli.errors import UsageError
+from slamcli.formats.pbstream.container import is_pbstream
 from slamcli.recordings.classic_log import has_classic_content
 
 _RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
 _PICTURES = (".pgm", ".png", ".bmp")
+_CLOUDS = (".ply", ".pcd")
 
 
 def find_kind(sources: Sequence[Path]) -> str:
-    """Return what the sources are: result, map, trajectory or recording.
+    """Return what the sources are: result, map, cloud, state, trajectory or recording.
 
     Raises
     ------
@@ -27,7 +29,7 @@ def find_kind(sources: Sequence[Path]) -> str:
     kinds = [_kind(source) for source in sources]
     if len(set(kinds)) > 1:
         raise UsageError(f"{sources[0]} is a {kinds[0]} and {sources[1]} a {kinds[1]}: draw them one by one")
-    if len(kinds) > 1 and kinds[0] in ("result", "map"):
+    if len(kinds) > 1 and kinds[0] in ("result", "map", "cloud", "state"):
         raise UsageError(f"one {kinds[0]} at a time; {len(kinds)} were given")
     return kinds[0]
 
@@ -63,6 +65,10 @@ def _kind(source: Path) -> str:
     last = suffixes[-1] if suffixes else ""
     if last in (".yaml", ".yml"):
         return "map"
+    if is_pbstream(source):
+        return "state"
+    if last in _CLOUDS:
+        return "cloud"
     if last in _PICTURES:
         raise UsageError(f"{source}: name the map's .yaml; the picture alone has no scale")
     if (

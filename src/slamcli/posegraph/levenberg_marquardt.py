@@ -53,10 +53,16 @@ class Minimum:
 class Descent:
     """The iterations on one graph; see :func:`minimise`."""
 
-    def __init__(self, terms: Sequence[Terms], held: NDArray[np.bool_], retract: Callable[[Floats, Floats], Floats]):
+    def __init__(
+        self,
+        terms: Sequence[Terms],
+        held: NDArray[np.bool_],
+        retract: Callable[[Floats, Floats], Floats],
+        together: int = 1,
+    ) -> None:
         self.terms: Sequence[Terms]
         self.terms, self.retract, self.size = terms, retract, len(held)
-        self.equations = NormalEquations(held, [term.variables for term in terms])
+        self.equations = NormalEquations(held, [term.variables for term in terms], together)
         self.surrogates = [term.loss.surrogates(0.0)[-1] for term in terms]
 
     def squares(self, residuals: Sequence[Floats]) -> list[Floats]:
@@ -139,6 +145,7 @@ def minimise(
     retract: Callable[[Floats, Floats], Floats],
     max_iterations: int,
     tolerance: float,
+    together: int = 1,
 ) -> Minimum:
     """Return the state that minimises half the sum of the losses of the residuals.
 
@@ -148,13 +155,14 @@ def minimise(
     held : bool (V,), variables that do not move, or (V, 3), which of their numbers.
     retract : moves a state by a step float64 (V, 3).
     tolerance : relative decrease of the cost at which it has converged.
+    together : variables of a pose.
 
     Notes
     -----
     Robust losses are handled by iteratively reweighted least squares. Sums run in the order of `terms` and their
     residuals on one thread: the same input gives the same bytes.
     """
-    descent = Descent(terms, held, retract)
+    descent = Descent(terms, held, retract, together)
     before = descent.cost(descent.squares(descent.residuals(state)))
     iterations = 0
     if any(term.loss.graduated and np.any(term.robust) for term in terms):

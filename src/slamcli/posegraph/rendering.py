@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The map and the trajectories that are in a state."""
+"""The map that is in a state."""
 
 from __future__ import annotations
-
-from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +13,6 @@ from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.grids.submap_drawing import draw_submaps
 from slamcli.grids.tsdf_grid import TsdfGrid
 from slamcli.posegraph.map_state import MapState, Submap
-from slamcli.trajectory import Trajectory
 
 _MOST_TSD = 32766.0
 
@@ -56,36 +53,3 @@ def _from_distances(grid: TsdfGrid) -> ProbabilityGrid:
     away = np.clip(np.abs(distances) / grid.resolution_m, 0.0, 1.0)
     costs: NDArray[np.uint16] = np.where(known, np.rint(1.0 + away * 32766.0), 0.0).astype(np.uint16)
     return ProbabilityGrid(costs, grid.resolution_m, grid.origin)
-
-
-def state_trajectory(
-    state: MapState,
-    trajectories: Collection[int] | None = None,
-    frame_id: str = "map",
-    child_frame_id: str = "base_link",
-) -> Trajectory:
-    """Return the optimised poses of the nodes, trajectory after trajectory, each in the order of its nodes.
-
-    Parameters
-    ----------
-    state
-        The state.
-    trajectories
-        Which to take; None for all.
-    frame_id, child_frame_id
-        Names for the map's frame and the tracking frame.
-
-    Raises
-    ------
-    EstimationError
-        If there is no node.
-    """
-    nodes = sorted(
-        (node for node in state.nodes if trajectories is None or node.id.trajectory in trajectories),
-        key=lambda node: node.id,
-    )
-    if not nodes:
-        raise EstimationError("the state has no node: there is no trajectory in it")
-    positions, quats = se3.to_position_quaternion(np.array([node.T_map_node for node in nodes]))
-    stamps = np.array([node.stamp_ns for node in nodes], np.int64)
-    return Trajectory(stamps, positions, quats, frame_id, child_frame_id)

@@ -126,7 +126,7 @@ def optimise_spatial(
         state = np.concatenate([poses, inertia.rows()])
         terms += inertial_terms(inertia, count)
     held = _held(np.asarray(fixed, np.bool_), count, terms, inertia)
-    minimum = minimise(state, terms, held.reshape(-1, 3), _retract, max_iterations, tolerance)
+    minimum = minimise(state, terms, held.reshape(-1, 3), _retract, max_iterations, tolerance, together=2)
     return SpatialSolution(
         poses=minimum.state[:count].copy(), cost_before=minimum.cost_before, cost_after=minimum.cost_after,
         iterations=minimum.iterations, converged=minimum.converged, residual_norms=minimum.norms[0],

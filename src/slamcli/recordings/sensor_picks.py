@@ -126,8 +126,7 @@ def pick_sensors(recording: Recording, names: TopicNames, plan: InputPlan, roles
     scans = _planned_scans(recording, found, plan) if not names.scans else found
     clouds = best_topics(recording, clouds, plan.num_point_clouds, CLOUDS) if not names.points else clouds
     frames = {topic.name: frame for topic in (*scans, *clouds) if (frame := _frame(recording, topic)) is not None}
-    if not frames:
-        raise RecordingError(f"{recording.name}: no message on topic {(*scans, *clouds)[0].name} can be decoded")
+    scans, clouds = (_decodable(recording, topics, frames) for topics in (scans, clouds))
     odometry = pick_odometry(
         recording,
         next(iter(frames.values())),
@@ -145,6 +144,22 @@ def pick_sensors(recording: Recording, names: TopicNames, plan: InputPlan, roles
         if topic is not None and (frame := _frame(recording, topic)) is not None:
             frames[topic.name] = frame
     return SensorPicks(scans=scans, clouds=clouds, odometry=odometry, frames=frames, **others)
+
+
+def _decodable(recording: Recording, topics: tuple[Topic, ...], frames: Mapping[str, str]) -> tuple[Topic, ...]:
+    """Return the range sensors that have a message which can be decoded; one of several that has none is left out.
+
+    Raises
+    ------
+    RecordingError
+        If none has one.
+    """
+    for topic in topics:
+        if not frames:
+            raise RecordingError(f"{recording.name}: no message on topic {topic.name} can be decoded")
+        if topic.name not in frames:
+            recording.log.warn(f"{topic.name}: no message can be decoded, it is left out")
+    return tuple(topic for topic in topics if topic.name in frames)
 
 
 def _known_frame(recording: Recording, configured: str | None) -> str | None:

@@ -7,7 +7,17 @@ import math
 from functools import singledispatch
 from typing import Any
 
-from slamcli.measurements import CameraModel, FrameTransform, Image, ImuSample, LaserScan, Odometry, PointCloud
+from slamcli.measurements import (
+    CameraModel,
+    FrameTransform,
+    GeoFix,
+    Image,
+    ImuSample,
+    Landmarks,
+    LaserScan,
+    Odometry,
+    PointCloud,
+)
 from slamcli.recordings.adapters import StampedGrid, StampedPath
 
 
@@ -55,6 +65,16 @@ def _(transform: FrameTransform) -> str:
 def _(camera: CameraModel) -> str:
     k = camera.intrinsics
     return f"{camera.width} x {camera.height}, fx {k[0, 0]:.1f} fy {k[1, 1]:.1f} cx {k[0, 2]:.1f} cy {k[1, 2]:.1f}"
+
+
+@describe.register
+def _(fix: GeoFix) -> str:
+    return f"{fix.latitude_deg:.5f}°, {fix.longitude_deg:.5f}°" if fix.has_fix else "no fix yet"
+
+
+@describe.register
+def _(landmarks: Landmarks) -> str:
+    return f"{len(landmarks.observations)} landmarks"
 
 
 @describe.register

@@ -35,7 +35,7 @@ def precompute(cells, table, levels):
 @njit(cache=True, nogil=True)
 def _sum(level, rows, columns, di, dj, pad):
     """Sum of a level's values at the points moved by (di, dj) cells."""
-    total = 0
+    total = np.int64(0)
     height, width = level.shape
     di += pad
     dj += pad
@@ -47,14 +47,13 @@ def _sum(level, rows, columns, di, dj, pad):
 
 
 @njit(cache=True, nogil=True)
-def search(levels, points, corner_x, corner_y, inverse, prior, half_cells, num_turns, turn_step, least):
+def search(levels, depth, points, corner_x, corner_y, inverse, prior, half_cells, num_turns, turn_step, least):
     """Best pose in the window with a score over `least`: (score, x, y, yaw); a score of -1 where there is none.
 
-    Depth first over offsets in cells for each of ``2 * num_turns + 1`` headings, upper bounds from the levels
+    Depth first over offsets in cells for each of ``2 * num_turns + 1`` headings, upper bounds from the first `depth` levels
     (algorithm 3 of Hess et al., ICRA 2016). Scores are sums of 0..255 over the points. Among equal scores the first wins.
     """
-    depth = levels.shape[0]
-    pad = (1 << (depth - 1)) - 1
+    pad = (1 << (levels.shape[0] - 1)) - 1
     height, width = levels.shape[1] - pad, levels.shape[2] - pad
     n = points.shape[0]
     turns = 2 * num_turns + 1

@@ -51,11 +51,9 @@ class PrecomputedGrids:
         enough = 1
         while (1 << enough) < 2 * half + 1:
             enough += 1
-        levels = self._levels[: min(enough, len(self._levels))]
-        unused = (1 << (len(self._levels) - 1)) - (1 << (len(levels) - 1))  # a smaller depth needs a smaller pad
         least = math.floor((min_score - _LOW) / _SPAN * 255.0 * len(points))
         score, x, y, yaw = _kernels.search(
-            levels[:, unused:, unused:], points, *self._grid.origin, 1.0 / resolution, prior, half,
+            self._levels, min(enough, len(self._levels)), points, *self._grid.origin, 1.0 / resolution, prior, half,
             math.ceil(angular_rad / step), step, max(least, 0),
         )  # fmt: skip
         return None if score < 0.0 else (np.array([x, y, yaw]), _LOW + _SPAN * score)
@@ -83,7 +81,4 @@ def byte_table() -> NDArray[np.uint8]:
 def warm() -> None:
     """Compile the kernels of this module with one point."""
     grid = ProbabilityGrid.empty(0.05, (0.0, 0.0), 8)
-    for depth in (1, 2):
-        PrecomputedGrids(grid, depth).search(
-            np.zeros((1, 2)), np.zeros(3), linear_m=0.05, angular_rad=0.0, min_score=0.5
-        )
+    PrecomputedGrids(grid, 2).search(np.zeros((1, 2)), np.zeros(3), linear_m=0.05, angular_rad=0.0, min_score=0.5)

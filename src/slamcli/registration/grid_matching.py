@@ -64,11 +64,12 @@ def match_correlative(
 ) -> tuple[NDArray[np.float64], float]:
     """Return the best pose (3,) of a window around the prior, and its score: mean probability times a penalty for the distance.
 
-    The angular step moves the farthest point by one cell.
+    The angular step moves the farthest point by one cell. Without points that is the prior, with a score of 0.
     """
+    if len(points) == 0:
+        return prior.copy(), 0.0
     s = settings
-    farthest = float(np.hypot(points[:, 0], points[:, 1]).max()) if len(points) else 1.0
-    step = angular_step(grid.resolution_m, farthest)
+    step = angular_step(grid.resolution_m, float(np.hypot(points[:, 0], points[:, 1]).max()))
     x, y, yaw, best = _kernels.best_in_window(
         grid.cells, probability_table(), *grid.origin, 1.0 / grid.resolution_m, points, prior,
         math.ceil(s.linear_search_window_m / grid.resolution_m), grid.resolution_m,

@@ -167,13 +167,13 @@ class _Reader(FileValues):
         ]
 
     def in_space(self, entry: Mapping[str, Any], where: str) -> dict[str, float | None]:
-        return {
-            "height_m": self.number(entry["height"], f"{where}.height", 0.001, 1000) if "height" in entry else None,
-            "above_m": self.number(entry["above"], f"{where}.above", 0, 1000) if "above" in entry else None,
-            "reflectivity": self.number(entry["reflectivity"], f"{where}.reflectivity", 0, 1)
-            if "reflectivity" in entry
-            else None,
-        }
+        limits = {"height": (0.001, 1000.0), "above": (0.0, 1000.0), "reflectivity": (0.0, 1.0)}
+        height, above, reflectivity = (
+            self.number(entry[key], f"{where}.{key}", *limits[key]) if key in entry else None for key in _IN_SPACE
+        )
+        if height is not None and above is not None and above >= height:
+            self.fail(where, f"`above` {above:g} m is not below `height` {height:g} m")
+        return {"height_m": height, "above_m": above, "reflectivity": reflectivity}
 
     def grid(self, value: Any) -> OccupancyGrid | None:
         if value is None:

@@ -141,10 +141,10 @@ def assert_same(a: Any, b: Any, rotations: float = 0.0, what: str = "state") -> 
     elif isinstance(a, np.ndarray):
         assert a.dtype == b.dtype, what
         if a.shape == (4, 4):
-            np.testing.assert_array_equal(a[:3, 3], b[:3, 3], err_msg=what)
-            np.testing.assert_allclose(a, b, rtol=0, atol=rotations, err_msg=what)
+            assert np.array_equal(a[:3, 3], b[:3, 3]), what
+            assert np.abs(a - b).max() <= rotations, what
         else:
-            np.testing.assert_array_equal(a, b, err_msg=what)
+            assert np.array_equal(a, b), what
     elif isinstance(a, float):
         assert abs(a - b) <= rotations, what
     else:

@@ -11,8 +11,10 @@ import pytest
 from synthetic_states import make_state
 
 from slamcli.errors import FormatError
-from slamcli.formats.pbstream import read_state, schema, write_state
+from slamcli.formats.pbstream import schema
 from slamcli.formats.pbstream.container import MAGIC, write_message
+from slamcli.formats.pbstream.reading import read_state
+from slamcli.formats.pbstream.writing import write_state
 
 
 def file_of(path: Path, *messages: Any) -> Path:

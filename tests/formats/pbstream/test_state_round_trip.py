@@ -11,7 +11,10 @@ import pytest
 from synthetic_states import assert_same, make_state, transforms
 
 from slamcli.errors import DataError
-from slamcli.formats.pbstream import is_pbstream, read_state, read_state_file, schema, write_state
+from slamcli.formats.pbstream import schema
+from slamcli.formats.pbstream.container import is_pbstream
+from slamcli.formats.pbstream.reading import read_state, read_state_file
+from slamcli.formats.pbstream.writing import write_state
 from slamcli.geometry import se3
 from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.posegraph import Id, MapState, Node, Submap

@@ -66,6 +66,6 @@ class NodeOptions:
     publish_to_tf: bool = parameter(True, f"broadcast transforms; {_LIVE}", effective=False)
     publish_tracked_pose: bool = parameter(False, f"publish the pose as a message; {_LIVE}", effective=False)
     use_pose_extrapolator: bool = parameter(True, f"extrapolate the published pose; {_LIVE}", effective=False)
-    ignore_out_of_order_messages: bool = parameter(
+    ignore_out_of_order: bool = parameter(
         False, "drop messages that come late; here messages are ordered by their stamps first", effective=False
     )

@@ -10,8 +10,8 @@ from typing import Any
 from slamcli.parameters import group, parameter
 
 LARGEST_WEIGHT = 1e12
-LARGEST_LENGTH_M = 1e4
-LARGEST_COUNT = 1_000_000
+LARGEST_LENGTH_M = 1e6
+LARGEST_COUNT = 1_000_000_000
 
 
 def weight(default: float, help: str, **more: Any) -> Any:
@@ -25,8 +25,8 @@ def length(default: float, help: str, minimum: float = 0.0, **more: Any) -> Any:
 
 
 def angle(default: float, help: str, **more: Any) -> Any:
-    """Declare an angle in radians, at most half a turn."""
-    return parameter(default, help, unit="rad", minimum=0.0, maximum=math.pi, **more)
+    """Declare an angle in radians, at most a whole turn."""
+    return parameter(default, help, unit="rad", minimum=0.0, maximum=2.0 * math.pi, **more)
 
 
 def count(default: int | None, help: str, minimum: int = 0, **more: Any) -> Any:

@@ -15,7 +15,7 @@ from slamcli.parameters import Declaration
 _2D, _3D = "TRAJECTORY_BUILDER_2D", "TRAJECTORY_BUILDER_3D"
 _PER_LOOP = "POSE_GRAPH.constraint_builder"
 # Keys that Cartographer reads only where they are there; of a table with one of them it reads all.
-_OPTIONAL_KEYS = {"publish_to_tf", "publish_tracked_pose", "use_pose_extrapolator", "ignore_out_of_order_messages"}
+_OPTIONAL_KEYS = {"publish_to_tf", "publish_tracked_pose", "use_pose_extrapolator", "ignore_out_of_order"}
 _OPTIONAL_TABLES = ("pure_localization_trimmer", "overlapping_submaps_trimmer_2d", "intensity_cost_function_options_0")
 
 
@@ -82,6 +82,9 @@ def _declared(own: Mapping[str, Setting], table: tuple[Declaration, ...]) -> Ite
         entry = known.get(setting.name)
         if entry is not None and entry.kind is bool and not isinstance(setting.value, bool):
             yield at(setting, ERROR, f"{setting.name}={setting.value!r} is no truth value: Cartographer aborts")
+        elif entry is not None and entry.extension:
+            yield at(setting, WARNING, f"{setting.name} is slamcli's own: Cartographer aborts on it")
+            yield from check_declared({setting.name: setting}, table, "Cartographer")
         elif entry is None or setting.value != entry.default:
             yield from check_declared({setting.name: setting}, table, "Cartographer aborts: it")
 
@@ -130,7 +133,7 @@ def _builders(values: _Values, file: str) -> Iterator[Finding]:
 def _inputs(values: _Values, file: str) -> Iterator[Finding]:
     names = ("num_laser_scans", "num_multi_echo_laser_scans", "num_point_clouds")
     counts = [values.number(name) for name in names]
-    if not any(count > 0 for count in counts):
+    if not any(count > 0 or count < 0 for count in counts):
         yield Finding(ERROR, file, 0, f"Cartographer aborts: {', '.join(names)} are all 0")
     parts = values.number("num_subdivisions_per_laser_scan")
     builder = _3D if values.switch("MAP_BUILDER.use_trajectory_builder_3d") else _2D
@@ -230,7 +233,7 @@ def _grids(values: _Values, own: Mapping[str, Setting]) -> Iterator[Finding]:
     names = [f"{_2D}.submaps.grid_options_2d.grid_type", f"{_2D}.submaps.range_data_inserter.range_data_inserter_type"]
     grid, inserter = map(values.text, names)
     setting = own.get(names[1]) or own.get(names[0])
-    if setting is not None and inserter != f"{grid}_INSERTER_2D":
+    if setting is not None and grid in ("PROBABILITY_GRID", "TSDF") and inserter != f"{grid}_INSERTER_2D":
         yield at(setting, ERROR, f"Cartographer aborts: {inserter} does not go with grid_type {grid}")
 
 
@@ -260,7 +263,7 @@ def _loops(values: _Values, own: Mapping[str, Setting]) -> Iterator[Finding]:
 def _motion(values: _Values, own: Mapping[str, Setting]) -> Iterator[Finding]:
     for builder in (_2D, _3D):
         setting = own.get(f"{builder}.motion_filter.max_angle_radians")
-        if setting is not None and 1 <= values.number(setting.name) <= math.pi:
+        if setting is not None and 1 <= values.number(setting.name) <= 2 * math.pi:
             message = "max_angle_radians is in radians: a scan is left out until the robot turned by "
             yield at(
                 setting, WARNING, f"{message}{math.degrees(values.number(setting.name)):.0f}°; write math.rad(...)"

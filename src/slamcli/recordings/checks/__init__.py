@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from slamcli.recordings.checks import cameras, container, inertial, scanner, stamps, transforms
+from slamcli.recordings.checks import cameras, container, inertial, scanner, stamps, sweeps, transforms
 from slamcli.recordings.checks.evidence import Evidence
 from slamcli.recordings.checks.finding import SEVERITIES, Finding
 
@@ -29,6 +29,7 @@ CHECKS: dict[str, Check] = {
     "tf-late": transforms.late,
     "tf-map-parent": transforms.map_parent,
     "frame-shared": transforms.shared_frames,
+    "frame-slash": sweeps.slashes,
     "odometry": transforms.odometry,
     "scan-beams": scanner.beam_count,
     "scan-angle-max": scanner.angle_max,
@@ -36,6 +37,11 @@ CHECKS: dict[str, Check] = {
     "scan-returns": scanner.returns,
     "scan-direction": scanner.direction,
     "scan-mirrored": scanner.mirrored,
+    "sweep-overlap": sweeps.overlap,
+    "sweep-stamp": sweeps.stamp_meaning,
+    "sweep-repeated": sweeps.repeated,
+    "sweep-blind": sweeps.blind,
+    "point-times": sweeps.point_times,
     "imu-gravity": inertial.gravity,
     "imu-rotation": inertial.rotation,
     "camera-info": cameras.calibration,

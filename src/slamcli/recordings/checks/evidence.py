@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from slamcli.geometry.frame_tree import FrameTree
-from slamcli.measurements import CameraModel, Image, ImuSample, LaserScan, Odometry
+from slamcli.measurements import CameraModel, Image, ImuSample, LaserScan, Odometry, PointCloud
+from slamcli.recordings.checks.sweep_evidence import SweepEvidence
 from slamcli.recordings.raw import Contents, Topic
 from slamcli.recordings.recording import Recording
 from slamcli.recordings.survey import Listener, TopicSurvey, survey
@@ -140,6 +141,12 @@ class Evidence:
     cameras: dict[str, CameraEvidence]
     images: dict[str, list[Image]]
     """A few images of each topic, spread over its beginning."""
+    sweeps: dict[str, SweepEvidence] = field(default_factory=dict)
+    """Of scanners and of sensors of clouds."""
+    slashed: dict[str, str] = field(default_factory=dict)
+    """Frames that a sensor's messages name with a leading slash, by topic."""
+    counts: Mapping[str, int] = field(default_factory=dict)
+    """What decoding counted."""
     time_offsets_ns: Mapping[str, int] = field(default_factory=dict)
     """Offsets that are applied already."""
     unused_mends: tuple[str, ...] = ()
@@ -156,36 +163,44 @@ class Evidence:
 
 def gather(recording: Recording) -> Evidence:
     """Read a recording to its end and return the evidence."""
-    scans: dict[str, ScanEvidence] = {}
-    imus: dict[str, ImuEvidence] = {}
-    odometry: dict[str, OdometryEvidence] = {}
-    cameras: dict[str, CameraEvidence] = {}
+    kinds: dict[type, dict[type, dict[str, Any]]] = {
+        LaserScan: {ScanEvidence: {}, SweepEvidence: {}},
+        PointCloud: {SweepEvidence: {}},
+        ImuSample: {ImuEvidence: {}},
+        Odometry: {OdometryEvidence: {}},
+        CameraModel: {CameraEvidence: {}},
+    }
+    slashed: dict[str, str] = {}
 
-    def keep(store: dict[str, Any], kind: type) -> Any:
-        def listen(topic: Topic) -> Listener:
-            store[topic.name] = kind()
-            return store[topic.name].see
+    def listeners(stores: dict[type, dict[str, Any]]) -> Callable[[Topic], Listener]:
+        def make(topic: Topic) -> Listener:
+            for kind, store in stores.items():
+                store[topic.name] = kind()
+            seers = [store[topic.name].see for store in stores.values()]
 
-        return listen
+            def see(message: Any, measurement: Any) -> None:
+                for seer in seers:
+                    seer(message, measurement)
+                if message.header.frame_id.startswith("/"):
+                    slashed.setdefault(topic.name, message.header.frame_id)
 
-    surveys = survey(
-        recording,
-        listeners={
-            LaserScan: keep(scans, ScanEvidence),
-            ImuSample: keep(imus, ImuEvidence),
-            Odometry: keep(odometry, OdometryEvidence),
-            CameraModel: keep(cameras, CameraEvidence),
-        },
-    )
+            return see
+
+        return make
+
+    surveys = survey(recording, listeners={kind: listeners(stores) for kind, stores in kinds.items()})
     return Evidence(
         frames=recording.frames(),
         contents=recording.contents,
         surveys=surveys,
-        scans=scans,
-        imus=imus,
-        odometry=odometry,
-        cameras=cameras,
+        scans=kinds[LaserScan][ScanEvidence],
+        imus=kinds[ImuSample][ImuEvidence],
+        odometry=kinds[Odometry][OdometryEvidence],
+        cameras=kinds[CameraModel][CameraEvidence],
         images=_some_images(recording, surveys),
+        sweeps={**kinds[LaserScan][SweepEvidence], **kinds[PointCloud][SweepEvidence]},
+        slashed=slashed,
+        counts=dict(recording.log.counts),
         time_offsets_ns=recording.mends.time_offsets_ns,
         unused_mends=recording.unused_mends(),
     )

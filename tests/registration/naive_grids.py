@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""Naive twins of the matching of points with probability grids: plain NumPy in float64, and searches by brute force."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from scipy.optimize import least_squares
+
+
+def costs(grid):
+    """Correspondence costs (H, W); unknown cells cost as much as free ones."""
+    return np.where(grid.cells == 0, 0.9, 0.1 + (grid.cells.astype(np.float64) - 1.0) * 0.8 / 32766.0)
+
+
+def placed(points, pose):
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(points) @ np.array([[c, s], [-s, c]]) + np.asarray(pose[:2])
+
+
+def keys(distance):
+    """Kernel of cubic convolution with a = -1/2 (Keys 1981, equation 15)."""
+    d = np.abs(distance)
+    outer = np.where(d < 2.0, -0.5 * d**3 + 2.5 * d**2 - 4.0 * d + 2.0, 0.0)
+    return np.where(d < 1.0, 1.5 * d**3 - 2.5 * d**2 + 1.0, outer)
+
+
+def bicubic(grid, x, y):
+    """Cost at points (N,): a weighted sum over all cells near each, 0.9 for those outside."""
+    table = costs(grid)
+    u, v = (x - grid.origin[0]) / grid.resolution_m - 0.5, (y - grid.origin[1]) / grid.resolution_m - 0.5
+    total = np.zeros(np.shape(x))
+    for di, dj in itertools.product(range(-2, 4), repeat=2):
+        i, j = np.floor(v).astype(int) + di, np.floor(u).astype(int) + dj
+        inside = (i >= 0) & (j >= 0) & (i < table.shape[0]) & (j < table.shape[1])
+        cost = np.where(inside, table[np.where(inside, i, 0), np.where(inside, j, 0)], 0.9)
+        total += cost * keys(v - i) * keys(u - j)
+    return total
+
+
+def residuals(grid, points, pose, prior, settings):
+    """All residuals of the least squares match, those of the points first."""
+    weight = settings.occupied_space_weight / math.sqrt(len(points))
+    on_grid = weight * bicubic(grid, *placed(points, pose).T)
+    pull = [settings.translation_weight * (pose[k] - prior[k]) for k in (0, 1)]
+    return np.array([*on_grid, *pull, settings.rotation_weight * (pose[2] - prior[2])])
+
+
+def matched(grid, points, start, prior, settings):
+    """The optimum by SciPy with derivatives by differences."""
+    found = least_squares(lambda pose: residuals(grid, points, pose, prior, settings), start, xtol=1e-12, ftol=1e-12)
+    return found.x, float(found.cost)
+
+
+def cells_of(grid, points, pose):
+    """Rows and columns in which points fall."""
+    inverse = 1.0 / grid.resolution_m
+    x, y = (placed(points, pose) - np.array(grid.origin)).T
+    return np.floor(y * inverse).astype(int), np.floor(x * inverse).astype(int)
+
+
+def mean_at(values, rows, columns, outside):
+    """Mean of an array's values at cells."""
+    inside = (rows >= 0) & (columns >= 0) & (rows < values.shape[0]) & (columns < values.shape[1])
+    picked = values[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+    return float(np.where(inside, picked, outside).mean())
+
+
+def mean_probability(grid, points, pose):
+    return mean_at(1.0 - costs(grid), *cells_of(grid, points, pose), 0.1)
+
+
+def best_in_window(grid, points, prior, half_cells, num_turns, turn_step, penalty):
+    """Score and pose of the best of all shifts by whole cells and turns by whole steps; the first of equals."""
+    values, best = 1.0 - costs(grid), (-1.0, None)
+    for a in range(-num_turns, num_turns + 1):
+        yaw = prior[2] + a * turn_step
+        rows, columns = cells_of(grid, points, (prior[0], prior[1], yaw))
+        for i, j in itertools.product(range(-half_cells, half_cells + 1), repeat=2):
+            far = penalty[0] * grid.resolution_m * math.hypot(i, j) + penalty[1] * abs(a) * turn_step
+            score = mean_at(values, rows + i, columns + j, 0.1) * math.exp(-(far**2))
+            if score > best[0] + 1e-9:
+                best = score, (prior[0] + j * grid.resolution_m, prior[1] + i * grid.resolution_m, yaw)
+    return best
+
+
+def bytes_of(grid):
+    """Probabilities 0.1 to 0.9 as 0 to 255."""
+    return np.round((0.9 - costs(grid)) / 0.8 * 255.0).astype(np.int64)
+
+
+def window_maxima(values, size):
+    """For each window of size by size cells that touches the array the maximum, windows that begin before it included."""
+    padded = np.pad(values, size - 1)
+    rows, columns = values.shape[0] + size - 1, values.shape[1] + size - 1
+    return np.array([[padded[i : i + size, j : j + size].max() for j in range(columns)] for i in range(rows)])
+
+
+def best_sum(grid, points, prior, half_cells, num_turns, turn_step):
+    """Greatest sum of bytes over all shifts and turns, and the poses that reach it."""
+    values, best, poses = bytes_of(grid), -1, []
+    for a in range(-num_turns, num_turns + 1):
+        yaw = prior[2] + a * turn_step
+        rows, columns = cells_of(grid, points, (prior[0], prior[1], yaw))
+        for i, j in itertools.product(range(-half_cells, half_cells + 1), repeat=2):
+            inside = (
+                (rows + i >= 0) & (columns + j >= 0) & (rows + i < values.shape[0]) & (columns + j < values.shape[1])
+            )
+            total = int(values[(rows + i)[inside], (columns + j)[inside]].sum())
+            if total > best:
+                best, poses = total, []
+            if total == best:
+                poses.append((prior[0] + j * grid.resolution_m, prior[1] + i * grid.resolution_m, yaw))
+    return best, poses
