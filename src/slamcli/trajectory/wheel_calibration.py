@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 from slamcli.geometry import se2
 from slamcli.trajectory.wheel_odometry import WheelOdometry
 
-_MIN_STEPS = 100
-_MIN_MOTION_M = 0.02
-_MIN_DISTANCE_M = 5.0
+_MIN_STRETCHES, _MIN_TURNS = 40, 10
+_STRETCH_M, _STRETCH_RAD = 0.5, 0.3
+"""Steps are added up until the robot went or turned so far: over a single one the noise of the wheels hides their errors."""
 _KEPT = 0.8
 """Share of the steps, those that agree best, on which each round of the fit rests: slipping wheels do not count."""
 _ROUNDS = 5
@@ -36,7 +37,7 @@ class WheelCalibration:
     """True turn over what the wheels say."""
     turn_rad_m: float = 0.0
     """Turn that the wheels do not see, per metre that they say."""
-    num_steps: int = 0
+    num_stretches: int = 0
 
     def apply(self, odometry: WheelOdometry) -> WheelOdometry:
         """Return the odometry without these errors, from the same first pose."""
@@ -61,17 +62,45 @@ def calibrate(
 
     Returns
     -------
-    The identity where fewer than 100 steps or 5 metres tell.
+    The identity where fewer than 40 stretches of half a metre or 0.3 radians tell.
     """
-    moving = trusted & (np.abs(wheels[:, 0]) > _MIN_MOTION_M)
-    if moving.sum() < _MIN_STEPS or np.abs(wheels[moving, 0]).sum() < _MIN_DISTANCE_M:
-        return WheelCalibration()
-    sharp = moving & (sigmas_m <= np.median(sigmas_m[moving]))
-    scale = _fit(wheels[sharp, :1], scans[sharp, 0])
-    turning = trusted & ((np.abs(wheels[:, 0]) > _MIN_MOTION_M) | (np.abs(wheels[:, 2]) > _MIN_MOTION_M))
-    turns = _fit(wheels[turning][:, [2, 0]], se2.wrap_angle(scans[turning, 2]))
+    ends = _stretches(wheels, trusted)
+    told, seen = (np.add.reduceat(motions, ends[:-1], axis=0) for motions in (wheels[: ends[-1]], scans[: ends[-1]]))
+    whole = np.logical_and.reduceat(trusted[: ends[-1]], ends[:-1])
+    worst = np.maximum.reduceat(sigmas_m[: ends[-1]], ends[:-1])
+    ahead = whole & (np.abs(told[:, 0]) > 0.5 * _STRETCH_M)
+    scale = np.ones(1)
+    if ahead.sum() >= _MIN_STRETCHES:
+        sharp = ahead & (worst <= np.median(worst[ahead]))
+        scale = _fit(told[sharp, :1], seen[sharp, 0])
+    turns = _turns(told[whole], seen[whole, 2])
     values = [float(np.clip(value, *limits)) for value, limits in zip((*scale, *turns), _LIMITS, strict=True)]
-    return WheelCalibration(*values, num_steps=int(moving.sum()))
+    return WheelCalibration(*values, num_stretches=int(whole.sum()))
+
+
+def _turns(told: NDArray[np.float64], seen: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the scale of turns and the turn per metre, each from the stretches that tell it: those with turns, and the others."""
+    turning = np.abs(told[:, 2]) > 0.5 * _STRETCH_RAD
+    scale, bend = 1.0, 0.0
+    for _ in range(_ROUNDS):
+        if turning.sum() >= _MIN_TURNS:
+            scale = float(_fit(told[turning, 2:], seen[turning] - bend * told[turning, 0])[0])
+        if (~turning).sum() >= _MIN_STRETCHES:
+            bend = float(_fit(told[~turning, :1], seen[~turning] - scale * told[~turning, 2])[0])
+    return scale, bend
+
+
+def _stretches(wheels: NDArray[np.float64], trusted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return where stretches begin, int64 (K + 1,), the last one's end included; an untrusted step is a stretch of its own."""
+    begins, distance, turn = [0], 0.0, 0.0
+    for k, ((dx, dy, dyaw), good) in enumerate(zip(wheels.tolist(), trusted.tolist(), strict=True)):
+        if not good and begins[-1] != k:
+            begins.append(k)
+        distance, turn = distance + math.hypot(dx, dy), turn + abs(dyaw)
+        if not good or distance > _STRETCH_M or turn > _STRETCH_RAD:
+            begins.append(k + 1)
+            distance, turn = 0.0, 0.0
+    return np.array(begins if len(begins) > 1 else [0, len(wheels)], dtype=np.int64)
 
 
 def _fit(design: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
