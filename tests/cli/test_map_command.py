@@ -119,7 +119,7 @@ def test_the_recorded_command_makes_the_result_again(tmp_path):
     assert "-o" not in command.split()
     assert "--cloud-colour" not in command
     assert run([*shlex.split(command)[1:], "-o", "again", "-q"]) == 0
-    for name in ("trajectory.tum", "map.pgm", "map.yaml", "map.png"):
+    for name in ("trajectory.tum", "map-scale.png", "map.yaml", "map.png"):
         assert Path("out", name).read_bytes() == Path("again", name).read_bytes(), name
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from slamcli.formats.clouds import read_cloud
 from slamcli.formats.g2o import read_g2o
+from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_tum
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
@@ -116,3 +117,12 @@ def test_a_cloud_in_the_form_that_is_asked_for(tmp_path, form, colour):
     assert {name for name in names if name.startswith("cloud")} == ({f"cloud.{form}"} if form != "none" else set())
     if form != "none":
         np.testing.assert_array_equal(read_cloud(tmp_path / f"cloud.{form}").points_m, points)
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+def test_the_map_reads_back_in_every_mode(tmp_path, mode):
+    cells = np.array([[-1, 0, 100], [0, 0, -1]], dtype=np.int8)
+    result = MappingResult(trajectory=TRAJECTORY, grid=OccupancyGrid(cells, 0.5, (0.0, 0.0, 0.0)))
+    names, _ = written(tmp_path, result, OutputChoices(map_mode=mode))
+    np.testing.assert_array_equal(read_map(tmp_path / "map.yaml").grid.cells, cells)
+    assert {"map.png", "map-scale.png" if mode == "scale" else "map.pgm"} <= names

@@ -540,3 +540,31 @@ def test_frames_with_a_leading_slash(tmp_path: Path) -> None:
     (finding,) = _found(_clouds(tmp_path / "a.mcap", None, "/laser"), "frame-slash")
     assert finding.topic == "/points"
     assert "written /laser" in finding.message
+
+
+@pytest.mark.parametrize("late_s", [0.2, -0.15])
+def test_scans_and_odometry_that_turn_at_different_times(tmp_path: Path, late_s: float) -> None:
+    def yaw_at(seconds: float) -> float:
+        return float(0.8 * np.sin(0.7 * seconds) + 0.3 * np.sin(1.9 * seconds))
+
+    path = tmp_path / "a.mcap"
+    with create_recording(path) as writer:
+        writer.write("/tf_static", _tf(START, "base_link", "laser"))
+        for i in range(600):
+            stamp = START + i * S // 20
+            odometry = Odometry(
+                stamp_ns=stamp,
+                frame_id="odom",
+                child_frame_id="base_link",
+                position_m=np.zeros(3),
+                quat_xyzw=quaternion.from_yaw(yaw_at(i / 20)),
+            )
+            writer.write("/odom", odometry)
+            if i % 2 == 0:
+                writer.write("/scan", _scan(stamp, yaw_at(i / 20 - late_s)), log_time_ns=stamp)
+    (finding,) = _found(_diagnose(path), "stamp-turning")
+    assert finding.severity == "warning"
+    assert finding.mend.startswith("--time-offset /odom=")
+    assert float(finding.mend.split("=")[1]) == pytest.approx(late_s, abs=0.03)
+    assert ("after" if late_s > 0 else "before") + " /odom does" in finding.message
+    assert not _found(_diagnose(path, time_offsets=(finding.mend.split()[1],)), "stamp-turning")

@@ -26,8 +26,8 @@ def draw_submaps(
     resolution_m: float,
     frame_id: str = "map",
     *,
-    occupied_probability: float = 0.5,
-    free_probability: float = 0.5,
+    occupied_probability: float = 0.51,
+    free_probability: float = 0.51,
     margin_cells: int = 20,
 ) -> OccupancyGrid:
     """Return one trinary grid from the submaps of a run.
@@ -47,7 +47,9 @@ def draw_submaps(
     frame_id
         Name of the map's frame.
     occupied_probability, free_probability
-        A cell whose probability is over the first is occupied, under the second free, and unknown between.
+        A cell whose probability is over the first is occupied, under the second free, and unknown between. At 0.51 instead
+        of even odds 6 to 8 % of the occupied cells go, beside walls and at the ends of beams, and 1 % of those on walls
+        (mit-csail, intel).
     margin_cells
         Unknown cells around what is known.
 

@@ -70,7 +70,9 @@ def write_result(
     truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
     picture = b""
     if result.grid is not None:
-        write_map(folder / "map.yaml", result.grid, mode=choices.map_mode)
+        # Unknown cells of scale mode are transparent, which takes a PNG, and map.png is the picture for a person.
+        image = folder / "map-scale.png" if choices.map_mode == "scale" else None
+        write_map(folder / "map.yaml", result.grid, mode=choices.map_mode, image=image)
         picture = map_png(result.grid, trajectory=result.trajectory, truth=truth)
         (folder / "map.png").write_bytes(picture)
     return Written(names=tuple(sorted(path.name for path in folder.iterdir())), map_image=picture, truth=truth)

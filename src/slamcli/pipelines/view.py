@@ -26,6 +26,8 @@ from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from slamcli.measurements import PointCloud
+    from slamcli.posegraph import MapState
     from slamcli.recordings.mends import Mends
 
 _MAX_RUN_JSON_BYTES = 64 << 20
@@ -157,8 +159,26 @@ def _write_mcap(sources: Sequence[Path], kind: str, output: Path, options: ViewO
         raise UsageError(f"{output}: an .mcap holds one result or trajectory; {len(sources)} were given")
     content = _read(sources[0], kind, options, log)
     truth = content.truth[1] if content.truth is not None else None
-    messages = write_result(output, grid=content.grid, trajectory=content.trajectory, truth=truth)
+    messages = write_result(
+        output, grid=content.grid, trajectory=content.trajectory, truth=truth,
+        state=_state(sources[0], kind, log), cloud=_cloud(sources[0], kind),
+    )  # fmt: skip
     return content.facts | {"messages": messages}
+
+
+def _state(source: Path, kind: str, log: RunLog) -> MapState | None:
+    path = source / "state.pbstream" if kind == "result" else source
+    if kind not in ("result", "state") or not path.is_file():
+        return None
+    from slamcli.formats.pbstream.reading import read_state
+
+    return read_state(path, log=log)
+
+
+def _cloud(source: Path, kind: str) -> PointCloud | None:
+    if kind != "result":
+        return None
+    return next((read_cloud(path) for name in ("cloud.ply", "cloud.pcd") if (path := source / name).is_file()), None)
 
 
 def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:

@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import FrameTransform, StampedPose
+from slamcli.measurements import FrameTransform, PointCloud, StampedPose
+from slamcli.posegraph import MapState
 from slamcli.recordings import create_recording
 from slamcli.recordings.adapters import StampedGrid, StampedPath
+from slamcli.reports.graph_markers import graph_markers
 from slamcli.trajectory import Trajectory
 
 _MAP_FRAME = "map"
@@ -24,18 +27,21 @@ def write_result(
     grid: OccupancyGrid | None = None,
     trajectory: Trajectory | None = None,
     truth: Trajectory | None = None,
+    state: MapState | None = None,
+    cloud: PointCloud | None = None,
 ) -> dict[str, int]:
     """Write a result to a recording (.mcap, .bag or a ROS 2 folder) and return the number of messages by topic.
 
     ``/map`` (nav_msgs/OccupancyGrid), ``/trajectory`` and ``/ground_truth`` (nav_msgs/Path) come first and hold from the
-    start on; ``/pose`` (geometry_msgs/PoseStamped) and ``/tf`` (map to base) follow in the order of their stamps. The
+    start on, and so do the
+    graph (``/submaps``, ``/nodes``, ``/constraints``, visualization_msgs/MarkerArray) and ``/cloud``; ``/pose`` (geometry_msgs/PoseStamped) and ``/tf`` (map to base) follow in the order of their stamps. The
     same input gives the same bytes.
 
     Parameters
     ----------
     path
         Where it goes; the suffix names the format.
-    grid, trajectory, truth
+    grid, trajectory, truth, state, cloud
         What to write; what is None is left out.
 
     Raises
@@ -56,6 +62,12 @@ def write_result(
             if whole is not None and len(whole):
                 recording.write(topic, StampedPath(stamp_ns=begin, path=_in_map(whole)), log_time_ns=begin)
                 written[topic] = 1
+        for topic, markers in (graph_markers(state, begin) if state is not None else {}).items():
+            recording.write(topic, markers, log_time_ns=begin)
+            written[topic] = 1
+        if cloud is not None:
+            recording.write("/cloud", replace(cloud, stamp_ns=begin, frame_id=_MAP_FRAME), log_time_ns=begin)
+            written["/cloud"] = 1
         if trajectory is not None and len(trajectory):
             poses = _in_map(trajectory)
             for i in np.argsort(poses.stamps_ns, kind="stable").tolist():

@@ -25,6 +25,8 @@ from slamcli.grids.tsdf_grid import TsdfGrid
 
 _MOST = 32767
 _MOST_CELLS = 1 << 28
+_COSTS = float(np.float32(1.0) - np.float32(0.9)), 0.9
+"""As Cartographer computes them, in single precision."""
 _COST_TOLERANCE = 1e-5
 _MOST_INDEX = 1 << 20
 """Of a voxel along an axis; Cartographer's grids end at 2^13 or so."""
@@ -83,7 +85,7 @@ def fill_grid(message: Any, grid: ProbabilityGrid | TsdfGrid) -> None:
         box.min_x, box.max_x, box.min_y, box.max_y = (int(i) for i in (columns[0], columns[-1], rows[0], rows[-1]))
     if isinstance(grid, ProbabilityGrid):
         message.probability_grid_2d.SetInParent()
-        message.min_correspondence_cost, message.max_correspondence_cost = grid.MIN_COST, grid.MAX_COST
+        message.min_correspondence_cost, message.max_correspondence_cost = _COSTS
     else:
         tsdf = message.tsdf_2d
         tsdf.truncation_distance, tsdf.max_weight = grid.truncation_distance_m, grid.max_weight

@@ -13,6 +13,7 @@ from slamcli.recordings.adapters import (
     imu,
     landmark_list,
     laser_scan,
+    marker_array,
     multi_echo_laser_scan,
     nav_sat_fix,
     occupancy_grid,
@@ -26,8 +27,9 @@ from slamcli.recordings.adapters import (
     twist,
     twist_stamped,
 )
-from slamcli.recordings.adapters.adapter import Adapter
+from slamcli.recordings.adapters.adapter import Adapter, Encoder
 from slamcli.recordings.adapters.context import DecodeContext
+from slamcli.recordings.adapters.marker_array import Marker, StampedMarkers
 from slamcli.recordings.adapters.messages import MessageFactory, message_factory
 from slamcli.recordings.adapters.occupancy_grid import StampedGrid
 from slamcli.recordings.adapters.path import StampedPath
@@ -54,6 +56,7 @@ ADAPTERS: tuple[Adapter, ...] = (
     landmark_list.ADAPTER,
 )
 
+_ENCODERS: tuple[Encoder, ...] = (*ADAPTERS, marker_array.ENCODER)
 _BY_MSGTYPE: dict[str, Adapter] = {msgtype: adapter for adapter in ADAPTERS for msgtype in adapter.msgtypes}
 
 
@@ -67,15 +70,15 @@ def msgtypes_of(kind: type) -> tuple[str, ...]:
     return tuple(msgtype for msgtype, adapter in _BY_MSGTYPE.items() if adapter.produces is kind)
 
 
-def encoder_for(measurement: Any, msgtype: str | None = None) -> Adapter:
-    """Return the adapter that writes a measurement, as `msgtype` where one is named.
+def encoder_for(measurement: Any, msgtype: str | None = None) -> Encoder:
+    """Return what writes a measurement, as `msgtype` where one is named.
 
     Raises
     ------
     RecordingError
         If no adapter writes this measurement, or not as that message type.
     """
-    fitting = [adapter for adapter in ADAPTERS if adapter.produces is type(measurement)]
+    fitting = [adapter for adapter in _ENCODERS if adapter.produces is type(measurement)]
     for adapter in fitting:
         if msgtype is None or msgtype in adapter.msgtypes:
             return adapter
@@ -88,8 +91,11 @@ __all__ = [
     "ADAPTERS",
     "Adapter",
     "DecodeContext",
+    "Encoder",
+    "Marker",
     "MessageFactory",
     "StampedGrid",
+    "StampedMarkers",
     "StampedPath",
     "adapter_for",
     "encoder_for",

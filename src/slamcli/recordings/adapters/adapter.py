@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What an adapter is: one message type to measurements, and back."""
+"""What an adapter is: one message type to measurements, and back; and what is only written."""
 
 from __future__ import annotations
 
@@ -12,16 +12,22 @@ from slamcli.recordings.adapters.messages import MessageFactory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Adapter:
-    """One message type (or several of the same fields) to measurements, and back."""
+class Encoder:
+    """A measurement to a message type."""
 
     msgtypes: tuple[str, ...]
     """ROS 2 style names; the first one is written."""
     produces: type
     """Type of the measurements."""
-    decode: Callable[[Any, int, DecodeContext], Sequence[Any]]
-    """Message, its stamp (header stamp with the topic's offset, or the log time) and its topic to measurements."""
     encode: Callable[[Any, MessageFactory], Any]
     """Measurement to message."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adapter(Encoder):
+    """One message type (or several of the same fields) to measurements, and back."""
+
+    decode: Callable[[Any, int, DecodeContext], Sequence[Any]]
+    """Message, its stamp (header stamp with the topic's offset, or the log time) and its topic to measurements."""
     stamp_path: str = "header"
     """Where the stamp lies: ``header`` (first field), ``first`` (header of the first element of a list) or ``none``."""

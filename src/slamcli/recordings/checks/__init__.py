@@ -24,6 +24,7 @@ CHECKS: dict[str, Check] = {
     "stamp-gap": stamps.gaps,
     "stamp-delay": stamps.delay,
     "stamp-clocks": stamps.clocks,
+    "stamp-turning": stamps.turning,
     "tf-problems": transforms.contradictions,
     "tf-missing": transforms.missing,
     "tf-late": transforms.late,

@@ -14,6 +14,7 @@ import numpy as np
 from slamcli.geometry.frame_tree import FrameTree
 from slamcli.measurements import CameraModel, Image, ImuSample, LaserScan, Odometry, PointCloud
 from slamcli.recordings.checks.sweep_evidence import SweepEvidence
+from slamcli.recordings.checks.turn_evidence import TurnsOfRobot, turns_of_robot
 from slamcli.recordings.raw import Contents, Topic
 from slamcli.recordings.recording import Recording
 from slamcli.recordings.survey import Listener, TopicSurvey, survey
@@ -147,6 +148,8 @@ class Evidence:
     """Frames that a sensor's messages name with a leading slash, by topic."""
     counts: Mapping[str, int] = field(default_factory=dict)
     """What decoding counted."""
+    turns: TurnsOfRobot | None = None
+    """How the scans and the odometry saw the robot turn, where there are both and their clocks run forwards."""
     time_offsets_ns: Mapping[str, int] = field(default_factory=dict)
     """Offsets that are applied already."""
     unused_mends: tuple[str, ...] = ()
@@ -201,6 +204,7 @@ def gather(recording: Recording) -> Evidence:
         sweeps={**kinds[LaserScan][SweepEvidence], **kinds[PointCloud][SweepEvidence]},
         slashed=slashed,
         counts=dict(recording.log.counts),
+        turns=turns_of_robot(recording, kinds[Odometry][OdometryEvidence]),
         time_offsets_ns=recording.mends.time_offsets_ns,
         unused_mends=recording.unused_mends(),
     )

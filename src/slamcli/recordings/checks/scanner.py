@@ -14,6 +14,7 @@ from slamcli.geometry import se2, se3
 from slamcli.measurements import LaserScan
 from slamcli.recordings.checks.evidence import Evidence
 from slamcli.recordings.checks.finding import Finding
+from slamcli.recordings.checks.turn_evidence import hangs_upside_down
 from slamcli.recordings.scan_normalisation import turn_counter_clockwise
 
 _FEW_RETURNS = 0.2
@@ -133,7 +134,7 @@ def direction(evidence: Evidence) -> Iterator[Finding]:
             yield Finding(
                 severity="note", topic=name, message="beams run clockwise: they are turned", stamp_ns=scan.stamp_ns
             )
-        if _upside_down(evidence, scan.frame_id):
+        if hangs_upside_down(evidence.frames, scan.frame_id):
             yield Finding(
                 severity="note",
                 topic=name,
@@ -156,7 +157,7 @@ def mirrored(evidence: Evidence) -> Iterator[Finding]:
             turn = float(np.diff(np.interp([t0, t1], stamps, yaws))[0])
             if not _TURN_RAD[0] < abs(turn) < _TURN_RAD[1]:
                 continue
-            flip = _upside_down(evidence, before.frame_id)
+            flip = hangs_upside_down(evidence.frames, before.frame_id)
             mismatch = _mismatches(before, after, turn, flip)
             if mismatch is None:
                 continue
@@ -223,14 +224,6 @@ def _sorted_track(
     unwrapped = np.concatenate([[0.0], np.cumsum(se2.wrap_angle(np.diff(yaws)))])
     ascending = np.maximum.accumulate(stamps)
     return ascending, unwrapped
-
-
-def _upside_down(evidence: Evidence, laser_frame: str) -> bool:
-    tree = evidence.frames
-    for base in ("base_link", "base_footprint", "base"):
-        if base in tree.frames and laser_frame in tree.frames and tree.connected(base, laser_frame):
-            return bool(tree.lookup(base, laser_frame)[2, 2] < 0)
-    return False
 
 
 def _share(number: int, of: int) -> str:

@@ -13,6 +13,8 @@ from slamcli.recordings.checks.evidence import Evidence
 from slamcli.recordings.checks.finding import Finding
 from slamcli.recordings.classic_log import CLASSIC_FORMATS
 from slamcli.recordings.survey import TopicSurvey
+from slamcli.trajectory.time_offset import estimate
+from slamcli.trajectory.wheel_odometry import smooth_stamps
 
 _SENSORS = (LaserScan, PointCloud, ImuSample, Odometry, Image)
 # cartographer_rosbag_validate: gaps in range data and in IMU data, and delay between stamp and log time.
@@ -22,6 +24,8 @@ _DELAY_WARNING_S = 0.1
 _DELAY_ERROR_S = 0.5
 _CLOCK_OFFSET_S = 0.1
 _LONGEST_SWEEP_S = 0.25
+_TURNING_OFFSET_S = 0.03
+_BACKWARD_SHARE = 0.01
 _ABSURD_NS = 10**9 * 86400 * 30
 
 
@@ -205,3 +209,27 @@ def clocks(evidence: Evidence) -> Iterator[Finding]:
                 stamp_ns=int(evidence.surveys[name].stamps_ns[0]),
                 mend=f"--time-offset {name}={offset + evidence.time_offsets_ns.get(name, 0) / 1e9:.3f}",
             )
+
+
+def turning(evidence: Evidence) -> Iterator[Finding]:
+    """Find scans and odometry that saw the robot turn at different times: their clocks differ, or one is late."""
+    told = evidence.turns
+    for name, seen in told.scans.items() if told is not None else ():
+        assert told is not None  # noqa: S101 - for the type checker
+        if len(seen.stamps_ns) < 2 or (np.diff(seen.stamps_ns) < 0).mean() > _BACKWARD_SHARE:
+            continue
+        found = estimate(smooth_stamps(seen.stamps_ns), seen.turns_rad, seen.trusted, told.wheels)
+        if abs(found.seconds) < _TURNING_OFFSET_S:
+            continue
+        late = "after" if found.seconds < 0 else "before"
+        mended, sign = (name, 1) if told.odometry == "/tf" else (told.odometry, -1)
+        offset = sign * found.seconds + evidence.time_offsets_ns.get(mended, 0) / 1e9
+        yield Finding(
+            severity="warning",
+            topic=name,
+            message=f"scans show turns about {abs(found.seconds):.2f} s {late} {told.odometry} does, by {found.num_scans} turns "
+            f"(they then agree within {np.degrees(found.error_after_rad):.2f}° instead of {np.degrees(found.error_before_rad):.2f}°): "
+            "the clocks differ, or stamps are set late; mapping estimates this better and corrects it by itself",
+            stamp_ns=int(seen.stamps_ns[0]),
+            mend=f"--time-offset {mended}={offset:.2f}",
+        )

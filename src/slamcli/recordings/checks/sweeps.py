@@ -57,7 +57,7 @@ def stamp_meaning(evidence: Evidence) -> Iterator[Finding]:
         # Clocks of another epoch concern `stamp-clocks`, sweeps that last for long `sweep-overlap`.
         if _SHORT_SWEEP_S < length_s < 1.1 * period_s and 0.5 * length_s < early_s < 1.5 * length_s:
             yield Finding(
-                severity="note",
+                severity="warning",
                 topic=name,
                 message=f"messages are logged {early_s:.3f} s before their last point was measured, by its time: stamps seem to "
                 f"be those of the sweep's end, and times to count from its beginning (a sweep takes {length_s:.3f} s)",
