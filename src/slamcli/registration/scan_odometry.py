@@ -60,17 +60,17 @@ class ScanOdometry:
     Two local maps overlap: scans are matched with the older one, which holds 40 to 80 keyframes, and drawn into both, so
     that there is always a map with a past (as the two active submaps of Hess et al., ICRA 2016). Where a match is poor,
     the heading is searched over 0.6 rad to both sides, with hardly any trust in the prediction: wheels slip, and clocks
-    differ.
+    differ. `tangent` is the share of what points tell along a surface that is believed (`SurfaceAlignment`).
     """
 
-    def __init__(self, delta: float, pose: Pose = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, delta: float, pose: Pose = (0.0, 0.0, 0.0), *, tangent: float = 1.0) -> None:
         self._delta = delta
         self.pose = pose
         self._keyframe: Pose | None = None
         self._maps = [self._new_map()]
         self._ages = [0]
-        self._usual = SurfaceAlignment()
-        self._rough = SurfaceAlignment(window=2, noise_m=0.04)
+        self._usual = SurfaceAlignment(tangent=tangent)
+        self._rough = SurfaceAlignment(window=2, noise_m=0.04, tangent=tangent)
 
     def step(self, beams: Beams, motion: Pose, *, known: bool = True) -> ScanStep:
         """Place the next scan; `motion` is predicted since the last one, by wheels if `known`, else by a guess."""
