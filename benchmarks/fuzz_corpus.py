@@ -79,6 +79,7 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
         ("evaluate", "{input}", "{dir}/truth.tum", "--json"),
         ("map", "--algo", "cartographer", "--load-state", "{input}", "-o", "{out}/map"),
     ],
+    "cloud": [("view", "{input}", "-o", "{out}/picture.png")],
     "relations": [("evaluate", "{dir}/truth.tum", "{input}", "--json")],
     "launch": [
         ("config", "check", "{input}", "--json"),
@@ -119,6 +120,7 @@ def make_corpus(folder: Path, kinds: list[str]) -> list[Input]:
         _trajectories,
         _relations,
         _states,
+        _clouds,
         _configurations,
     ]
     found = [entry for maker in makers for entry in maker(folder)]
@@ -272,6 +274,21 @@ def _relations(folder: Path) -> list[Input]:
 
 def _states(folder: Path) -> list[Input]:
     return [Input("state", path, (folder / "truth.tum",)) for path in write_states(folder)]
+
+
+def _clouds(folder: Path) -> list[Input]:
+    from slamcli.formats.clouds import write_cloud
+
+    points = np.random.default_rng(3).uniform(-2, 2, (40, 3)).astype(np.float32)
+    cloud = PointCloud(stamp_ns=0, frame_id="map", points_m=points, intensities=points[:, 0].copy())
+    for name in ("cloud.ply", "cloud.pcd"):
+        write_cloud(folder / name, cloud)
+    rows = "".join(f"{x:.3f} {y:.3f} {z:.3f}\n" for x, y, z in points.tolist())
+    head = "\n".join(f"property float {axis}" for axis in "xyz")
+    (folder / "text.ply").write_text(f"ply\nformat ascii 1.0\nelement vertex {len(points)}\n{head}\nend_header\n{rows}")
+    fields = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {n}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {n}\nDATA ascii\n"
+    (folder / "text.pcd").write_text(fields.format(n=len(points)) + rows)
+    return [Input("cloud", folder / name) for name in ("cloud.ply", "cloud.pcd", "text.ply", "text.pcd")]
 
 
 def _configurations(folder: Path) -> list[Input]:

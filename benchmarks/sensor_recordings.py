@@ -29,6 +29,7 @@ from slamcli.measurements import (
     PointCloud,
 )
 from slamcli.pipelines.generate import open_world
+from slamcli.pipelines.scan_cloud import cloud_of
 from slamcli.recordings import create_recording
 from slamcli.simulation import Message, Simulation, resolve_settings
 from slamcli.simulation.simulate import BASE_FRAME, MAP_FRAME, ODOM_TOPIC, STATIC_TOPIC, TF_TOPIC
@@ -90,20 +91,6 @@ def _renamed(message: Message, name: str) -> Message:
     if isinstance(measurement, FrameTransform) and measurement.child_frame_id == "laser":
         return message._replace(measurement=replace(measurement, child_frame_id=f"laser_{name}"))
     return message
-
-
-def cloud_of(scan: LaserScan) -> PointCloud:
-    """Return the points of a scan's returns, each with its time."""
-    hit = np.isfinite(scan.ranges_m) & (scan.ranges_m > 0)
-    ranges, angles = scan.ranges_m[hit].astype(np.float64), scan.angles_rad[hit]
-    return PointCloud(
-        stamp_ns=scan.stamp_ns,
-        frame_id=scan.frame_id,
-        points_m=np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles), np.zeros(len(ranges))]).astype(
-            np.float32
-        ),
-        offset_ns=np.rint(np.flatnonzero(hit) * scan.time_increment_s * 1e9).astype(np.int64),
-    )
 
 
 def fixes_and_landmarks(simulation: Simulation, seed: int = 0) -> Iterator[Message]:

@@ -48,7 +48,8 @@ def test_left_open_one_scanner_and_everything_else_is_taken():
     assert (bare.odometry, bare.imu, bare.fixes, bare.landmarks) == (False, False, False, False)
     assert bare.parameters.trajectory_builder_2d.use_imu_data is False
     assert not log.notes
-    assert not log.warnings
+    assert log.warnings == ["no odometry and no IMU: only the range sensors tell how the robot moved"]
+    assert not plan({"num_laser_scans": 1, "imu": True})[1].warnings
 
 
 def test_clouds_of_depth_are_mapped_in_3d_and_flat_ones_in_2d():
@@ -76,7 +77,7 @@ def test_the_options_numbers_hold():
     found, log = plan(EVERYTHING, asked)
     assert numbers(found) == (2, 0, 1)
     assert not log.warnings
-    few, log = plan({"num_laser_scans": 1}, asked)
+    few, log = plan({"num_laser_scans": 1, "odometry": True}, asked)
     assert numbers(few) == (1, 0, 0)
     assert log.warnings == [
         (
@@ -120,9 +121,8 @@ def test_a_named_topic_is_taken_whatever_the_options_say(role: str):
 
 
 def test_named_scanners_are_all_taken():
-    found, log = plan(
-        {"num_laser_scans": 2, "num_point_clouds": 1, "named": frozenset({"scans"})}, {"num_laser_scans": 1}
-    )
+    offer = {"num_laser_scans": 2, "num_point_clouds": 1, "odometry": True, "named": frozenset({"scans"})}
+    found, log = plan(offer, {"num_laser_scans": 1})
     assert numbers(found) == (2, 0, 1)
     assert not log.warnings
 

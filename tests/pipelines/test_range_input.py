@@ -30,6 +30,7 @@ from slamcli.measurements import (
 from slamcli.parameters import resolve
 from slamcli.pipelines.message_sampling import FixedRatioSampler
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
+from slamcli.pipelines.scan_cloud import cloud_of
 from slamcli.recordings import Mends, Recording, adapters, create_recording, open_recording
 from slamcli.recordings.adapters import laser_scan
 from slamcli.recordings.sensor_picks import TopicNames
@@ -192,6 +193,29 @@ def points_of(one: LaserScan) -> np.ndarray:
     angles = one.angles_rad
     flat = [one.ranges_m * np.cos(angles), one.ranges_m * np.sin(angles), np.zeros(one.num_beams)]
     return np.column_stack(flat)
+
+
+def test_in_space_scans_are_clouds_of_their_returns(robot: Path):
+    with open_recording(robot) as recording:
+        found = feed(recording, scans=("/rear/scan",), mode="3d", imu="none", fixes="none", odometry="none")
+        clouds = [m for m in found.measurements() if isinstance(m, PointCloud)]
+        assert len(clouds) == 10
+        raw = scan(0, "rear", 9)
+        T = recording.frames().lookup("base_link", "rear")
+        wanted = points_of(raw) @ T[:3, :3].T + T[:3, 3]
+        mount = found.T_base_laser["/rear/scan"]
+        np.testing.assert_allclose((clouds[0].points_m @ mount[:3, :3].T + mount[:3, 3])[::-1], wanted, atol=1e-6)
+
+
+def test_a_cloud_of_a_scan_has_its_returns_and_their_times():
+    ranges = np.array([1.0, np.inf, np.nan, 2.0], np.float32)
+    one = replace(scan(0), ranges_m=ranges, time_increment_s=0.001, intensities=np.arange(4, dtype=np.float32))
+    cloud = cloud_of(one)
+    np.testing.assert_allclose(cloud.points_m[0], [math.cos(1.0), -math.sin(1.0), 0.0], atol=1e-6)
+    np.testing.assert_array_equal(cloud.offset_ns, [0, 3_000_000])
+    np.testing.assert_array_equal(cloud.intensities, [0, 3])
+    np.testing.assert_array_equal(cloud_of(replace(one, time_increment_s=-0.001)).offset_ns, [3_000_000, 0])
+    assert cloud_of(replace(one, time_increment_s=0.0)).offset_ns is None
 
 
 def test_resampled_scans_are_told_by_their_scanner(tmp_path: Path):

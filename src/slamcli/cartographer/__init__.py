@@ -8,7 +8,9 @@ from typing import Any
 
 from slamcli.cartographer.inputs import MODES, ROLES, plan_inputs
 from slamcli.cartographer.parameters import CartographerParameters
+from slamcli.grids import OccupancyGrid
 from slamcli.mapper import InputPlan, Mapper, SensorOffer, Setup
+from slamcli.posegraph import MapState
 from slamcli.runtime import RunLog
 
 
@@ -31,6 +33,12 @@ class CartographerTier:
 
         mapper: Mapper = import_module("slamcli.cartographer.mapper").CartographerMapper(parameters, setup)
         return mapper
+
+    def draw(self, parameters: Any, state: MapState, map_frame: str) -> OccupancyGrid:  # noqa: ARG002
+        """Return the map that is in a state."""
+        from slamcli.posegraph.rendering import draw_state
+
+        return draw_state(state, map_frame)
 
 
 TIER = CartographerTier()

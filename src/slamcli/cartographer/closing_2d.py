@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from slamcli.cartographer.graph_2d import Loop, PoseGraph2d
 from slamcli.cartographer.loop_search_2d import Found, Trial, search
 from slamcli.geometry import se2
-from slamcli.grids.probability_grid import ProbabilityGrid
+from slamcli.grids.submap_grid import SubmapGrid
 from slamcli.posegraph.drift import Ways, relative_sigmas
 from slamcli.runtime import RunLog
 
@@ -210,7 +210,10 @@ class BatchClosing2d:
         if graph.node_part[one.node] != graph.node_part[other.node]:
             return False
         T_one_other = se2.between(graph.submap_local[one.submap], graph.submap_local[other.submap])
-        via = se2.compose(se2.compose(T_one_other, other.relative), se2.between(graph.node_local[other.node], graph.node_local[one.node]))
+        via = se2.compose(
+            se2.compose(T_one_other, other.relative),
+            se2.between(graph.node_local[other.node], graph.node_local[one.node]),
+        )
         error = se2.between(one.relative, via)
         spread = one.covariance + other.covariance + _AGREE_M**2 * np.eye(2)
         return float(error[:2] @ np.linalg.solve(spread, error[:2])) < 1.0 and abs(error[2]) < _AGREE_RAD
@@ -225,7 +228,9 @@ class BatchClosing2d:
             strain = np.maximum(distance / _STRAINED_M, turn / _STRAINED_RAD)
             worst = bad & (strain > 0.5 * strain.max())
             loops = self.graph.loops
-            self.rejected += [Found(loop, "contradicts the graph") for loop, out in zip(loops, worst, strict=True) if out]
+            self.rejected += [
+                Found(loop, "contradicts the graph") for loop, out in zip(loops, worst, strict=True) if out
+            ]
             self.graph.loops = [loop for loop, out in zip(loops, worst, strict=True) if not out]
             self.graph.optimise(self.graph.parameters.optimization_problem.ceres_solver_options.max_num_iterations)
 
@@ -248,9 +253,7 @@ def _first_nodes(graph: PoseGraph2d) -> NDArray[np.int64]:
     return firsts
 
 
-def _within(
-    grid: ProbabilityGrid, poses: NDArray[np.float64], margins: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _within(grid: SubmapGrid, poses: NDArray[np.float64], margins: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which poses (K, 3) lie within a grid widened by margins (K,)."""
     rows, columns = grid.cells.shape
     low = np.array(grid.origin)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slamcli.cartographer.parameters import OptimizationProblem, PoseGraph
 from slamcli.geometry import se2
-from slamcli.grids.probability_grid import ProbabilityGrid
+from slamcli.grids.submap_grid import SubmapGrid
 from slamcli.posegraph import Id
 from slamcli.posegraph.losses import Loss
 from slamcli.posegraph.planar import PlanarEdges, PlanarSolution, optimise_planar
@@ -45,7 +45,7 @@ class TrajectoryPart:
     submap_ids: Sequence[Id]
     submap_local: NDArray[np.float64]
     submap_map: NDArray[np.float64]
-    grids: Sequence[ProbabilityGrid]
+    grids: Sequence[SubmapGrid]
     finished: Sequence[bool]
     node_ids: Sequence[Id]
     node_local: NDArray[np.float64]
@@ -76,7 +76,7 @@ class PoseGraph2d:
     """int64 (N,), row of the oldest submap that holds each node."""
     membership: NDArray[np.int64] = field(init=False)
     """int64 (K, 2), rows of a submap and of a node that it holds."""
-    grids: list[ProbabilityGrid] = field(init=False)
+    grids: list[SubmapGrid] = field(init=False)
     points: list[NDArray[np.float64]] = field(init=False)
     loops: list[Loop] = field(default_factory=list)
     more: Sequence[tuple[PlanarEdges, Loss]] = ()
@@ -93,7 +93,9 @@ class PoseGraph2d:
         self.submap_part = np.repeat(np.arange(len(parts)), [len(part.submap_ids) for part in parts])
         self.node_part = np.repeat(np.arange(len(parts)), [len(part.node_ids) for part in parts])
         firsts = np.concatenate([[0], np.cumsum([len(part.submap_ids) for part in parts])])
-        rows = [[first + row for row in held] for first, part in zip(firsts, parts, strict=False) for held in part.members]
+        rows = [
+            [first + row for row in held] for first, part in zip(firsts, parts, strict=False) for held in part.members
+        ]
         self.home = np.array([held[0] if held else -1 for held in rows], dtype=np.int64)
         pairs = [(submap, node) for node, held in enumerate(rows) for submap in held]
         self.membership = np.array(pairs, dtype=np.int64).reshape(-1, 2)
@@ -102,7 +104,7 @@ class PoseGraph2d:
 
     @property
     def fixed(self) -> NDArray[np.bool_]:
-        """bool (S + N + E,): what the adjustment must not move: frozen trajectories, else the first submap."""
+        """Bool (S + N + E,): what the adjustment must not move: frozen trajectories, else the first submap."""
         frozen = np.array([part.frozen for part in self.parts], np.bool_)
         fixed = np.concatenate([frozen[self.submap_part], frozen[self.node_part], np.zeros(len(self.extra), np.bool_)])
         if not fixed.any():
@@ -124,7 +126,9 @@ class PoseGraph2d:
         (edges, loss), *more = groups
         start = start_planar(poses, self.fixed, edges, loss=loss, more=more)
         solution = optimise_planar(start, self.fixed, edges, loss=loss, more=more, max_iterations=iterations)
-        self.submap, self.node, self.extra = np.split(solution.poses, [len(self.submap), len(self.submap) + len(self.node)])
+        self.submap, self.node, self.extra = np.split(
+            solution.poses, [len(self.submap), len(self.submap) + len(self.node)]
+        )
         return solution
 
     def residuals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -156,7 +160,10 @@ class PoseGraph2d:
                 [np.full(len(nodes), p.matcher_translation_weight), translation / np.hypot(1.0, slack * translation)]
             ),
             rotation_weight=np.concatenate(
-                [np.full(len(nodes), p.matcher_rotation_weight), o.local_slam_pose_rotation_weight / np.hypot(1.0, slack * o.local_slam_pose_rotation_weight)]
+                [
+                    np.full(len(nodes), p.matcher_rotation_weight),
+                    o.local_slam_pose_rotation_weight / np.hypot(1.0, slack * o.local_slam_pose_rotation_weight),
+                ]
             ),
             robust=np.zeros(len(nodes) + len(after), np.bool_),
         )

@@ -36,6 +36,8 @@ def plan_inputs(
         "fixes": _taken("fixes", options.use_nav_sat, "use_nav_sat", offer, log),
         "landmarks": _taken("landmarks", options.use_landmarks, "use_landmarks", offer, log),
     }
+    if not (offer.odometry or taken["imu"]):
+        log.warn("no odometry and no IMU: only the range sensors tell how the robot moved")
     settled = replace(
         parameters,
         options=replace(

@@ -50,9 +50,7 @@ class Found:
     """Why it is not believed; empty if it is."""
 
 
-def search(
-    graph: PoseGraph2d, trials: Mapping[int, Sequence[Trial]], executor: Executor, round_: int
-) -> list[Found]:
+def search(graph: PoseGraph2d, trials: Mapping[int, Sequence[Trial]], executor: Executor, round_: int) -> list[Found]:
     """Return what trials by submap (its row) found, by submap and in the order of the trials, whatever the executor."""
 
     def work(submap: int) -> list[Found]:

@@ -50,7 +50,9 @@ class Mapper2D:
         motions = self._sequence.prepare()
         local, matched, poses = self._local_slam(motions)
         if not local.nodes:
-            raise EstimationError("no scan shows anything within range: there is nothing to map (see min_range and max_range)")
+            raise EstimationError(
+                "no scan shows anything within range: there is nothing to map (see min_range and max_range)"
+            )
         part = self._part(local, motions)
         parts = [*parts_of_state(setup.state), part] if setup.state is not None else [part]
         graph = PoseGraph2d(self._parameters.pose_graph, parts)
@@ -64,7 +66,7 @@ class Mapper2D:
         nodes = np.array([node.scan for node in local.nodes], dtype=np.int64)
         final = between_updates(steps, nodes, graph.node[graph.node_part == len(parts) - 1])
         final = _led_back(final, steps, int(nodes[0]))
-        return mapping_result(self._parameters, setup, self._sequence, motions, local, matched, graph, closing, solution, final)
+        return mapping_result(setup, self._sequence, motions, local, matched, graph, closing, solution, final)
 
     def _local_slam(self, motions: Motions) -> tuple[LocalSlam2d, NDArray[np.int64], NDArray[np.float64]]:
         """Return local SLAM after all scans, the scans it placed, and their poses in the local frame."""

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from slamcli.cartographer.closing_2d import BatchClosing2d
 from slamcli.cartographer.graph_2d import PoseGraph2d
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
-from slamcli.cartographer.parameters import CartographerParameters
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
 from slamcli.cartographer.state_2d import state_of_graph
 from slamcli.mapper import MappingResult, Setup
@@ -23,7 +22,6 @@ from slamcli.trajectory import Trajectory
 
 
 def mapping_result(
-    parameters: CartographerParameters,
     setup: Setup,
     sequence: ScanSequence,
     motions: Motions,

@@ -85,11 +85,15 @@ class ScanSequence:
             If there is no scan.
         """
         if not self.scans:
-            raise DataError("no scan was read: name the topic with --scan-topic or --points-topic, or widen --start and --duration")
+            raise DataError(
+                "no scan was read: name the topic with --scan-topic or --points-topic, or widen --start and --duration"
+            )
         log, p = self._setup.log, self._parameters
         self.stamps_ns, wheels = self._clocks()
         if self._imu and p.use_imu_data:
-            self._attitude = attitude_of(self._imu, self._setup, p.pose_extrapolator.constant_velocity.imu_gravity_time_constant)
+            self._attitude = attitude_of(
+                self._imu, self._setup, p.pose_extrapolator.constant_velocity.imu_gravity_time_constant
+            )
         sweep_s = max(sweep_seconds(scan) for scan in self.scans)
         laser = LaserOdometry(
             stamps_ns=self.stamps_ns, beams=self._beams, delta_m=p.submaps.grid_options_2d.resolution,
@@ -111,12 +115,17 @@ class ScanSequence:
 
     def range_data(self, k: int) -> RangeData:
         """Return the returns and misses of scan k, freed of the motion during its sweep."""
-        assert self._laser is not None and self._moves is not None  # noqa: S101  (after prepare)
+        assert self._laser is not None  # noqa: S101  (after prepare)
+        assert self._moves is not None  # noqa: S101
         return self._range_data(k, self._laser.twist(k, self._moves[k + 1 : k + 2]))
 
     def _range_data(self, k: int, twist: NDArray[np.float64] | None) -> RangeData:
         scan = self.scans[k]
-        tilt = None if self._attitude is None or not self._attitude.has_gravity else self._attitude.tilt(int(self.stamps_ns[k]))
+        tilt = (
+            None
+            if self._attitude is None or not self._attitude.has_gravity
+            else self._attitude.tilt(int(self.stamps_ns[k]))
+        )
         return self._sensors[scan.topic].range_data(scan, twist, tilt)
 
     def _beams(self, k: int, twist: NDArray[np.float64] | None) -> Beams:
@@ -125,7 +134,9 @@ class ScanSequence:
         beams = data.as_beams()
         if len(data.returns) == 0:
             return beams
-        return replace(beams, points=data.returns[adaptive_voxel_filter(data.returns, f.max_length, f.min_num_points, f.max_range)])
+        return replace(
+            beams, points=data.returns[adaptive_voxel_filter(data.returns, f.max_length, f.min_num_points, f.max_range)]
+        )
 
     def _sensor(self, topic: str) -> RangeSensor:
         mounts = self._setup.T_base_laser
@@ -138,14 +149,20 @@ class ScanSequence:
         log = self._setup.log
         if not self._odometry:
             if self._parameters.scan_odometry.enabled:
-                log.note("no odometry: the motion between scans comes from the scans" + (" and the gyroscope" if self._imu else "") + " alone")
+                log.note(
+                    "no odometry: the motion between scans comes from the scans"
+                    + (" and the gyroscope" if self._imu else "")
+                    + " alone"
+                )
             return smooth_stamps(scans), None
         odometry = np.array([sample.stamp_ns for sample in self._odometry], dtype=np.int64)
         poses = np.array([sample.pose_se2 for sample in self._odometry])
         poses = _without_jumps(odometry, poses, self._setup)
         stamps, wheels, by_order = align_clocks(scans, odometry, np.array(self._places), poses)
         if by_order:
-            log.note("stamps run backwards again and again: the recorded order decides which odometry belongs to which scan")
+            log.note(
+                "stamps run backwards again and again: the recorded order decides which odometry belongs to which scan"
+            )
         return stamps, wheels
 
     def _mended(self, laser: LaserOdometry) -> tuple[LaserOdometry, float, WheelCalibration | None]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slamcli.cartographer.graph_2d import Loop, PoseGraph2d, TrajectoryPart
 from slamcli.errors import DataError
-from slamcli.geometry import quaternion, se2, se3
+from slamcli.geometry import se2, se3
 from slamcli.posegraph import Constraint, Id, MapState, Node, Submap
 
 
@@ -48,7 +48,9 @@ def _part(state: MapState, trajectory: int) -> TrajectoryPart:
     grids = []
     for submap in submaps:
         if submap.grid is None:
-            raise DataError(f"submap {submap.id.number} of trajectory {trajectory} of the state has no planar grid: it is no 2D state")
+            raise DataError(
+                f"submap {submap.id.number} of trajectory {trajectory} of the state has no planar grid: it is no 2D state"
+            )
         grids.append(submap.grid)
     places = {submap.id: row for row, submap in enumerate(submaps)}
     members: dict[Id, list[int]] = {node.id: [] for node in nodes}
@@ -95,7 +97,7 @@ def state_of_graph(graph: PoseGraph2d, stamps_ns: Sequence[int], before: MapStat
             id=key,
             stamp_ns=old_nodes[key].stamp_ns if key in old_nodes else stamps_ns[row - first_new],
             T_local_node=T_local_node[row], T_map_node=T_map_node[row],
-            gravity_alignment_xyzw=old_nodes[key].gravity_alignment_xyzw if key in old_nodes else quaternion.identity(),
+            gravity_alignment_xyzw=old_nodes[key].gravity_alignment_xyzw if key in old_nodes else np.array([0.0, 0.0, 0.0, 1.0]),
             points_m=_flat(graph.points[row]),
         )
         for row, key in enumerate(node_ids)

@@ -14,22 +14,33 @@ from slamcli.cli.options import json_option, verbosity_options
 
 # Modules under slamcli with a `warm()` that calls each of their kernels on tiny input.
 ROOMS = (
+    "cartographer.projection_3d",
+    "cartographer.sweep_3d",
     "grids.distance",
+    "grids.hybrid_blocks",
     "grids.probability_grid",
     "grids.submap_drawing",
+    "grids.surfel_map",
+    "grids.tsdf_grid",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "posegraph.drift",
     "posegraph.imu_integration",
     "posegraph.planar_covariances",
     "posegraph.spatial",
     "registration.branch_and_bound",
+    "registration.branch_and_bound_3d",
     "registration.grid_matching",
+    "registration.rotational_histogram",
+    "registration.surfel_matching",
     "registration.tile_matching",
+    "registration.volume_matching",
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
     "simulation.space",
+    "trajectory.attitude",
 )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Submaps' probability grids, each at its optimised pose, drawn into one occupancy grid."""
+"""Submaps' grids, each at its optimised pose, drawn into one occupancy grid."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from slamcli.geometry import se2
 from slamcli.grids import _submap_kernels as kernels
 from slamcli.grids.occupancy import OccupancyGrid
 from slamcli.grids.probability_grid import ProbabilityGrid
+from slamcli.grids.submap_grid import SubmapGrid, shown
 
 _MAX_CELLS = 400_000_000
 _MIN_WEIGHT = 0.5
@@ -21,7 +22,7 @@ _MIN_WEIGHT = 0.5
 
 
 def draw_submaps(
-    grids: Sequence[ProbabilityGrid],
+    grids: Sequence[SubmapGrid],
     T_map_local: NDArray[np.float64],
     resolution_m: float,
     frame_id: str = "map",
@@ -38,7 +39,8 @@ def draw_submaps(
     Parameters
     ----------
     grids
-        Grids in their trajectory's local frame; those without a known cell add nothing.
+        Grids in their trajectory's local frame; those without a known cell add nothing. Of signed distances the cells within
+        half a cell of a surface are occupied and those in front of it free.
     T_map_local
         float64 (S, 3), x, y (metres) and yaw of each grid's local frame in the map:
         ``T_map_submap @ inverse(T_local_submap)``.
@@ -63,7 +65,8 @@ def draw_submaps(
     poses = np.asarray(T_map_local, dtype=np.float64)
     if poses.shape != (len(grids), 3) or not np.isfinite(poses).all():
         raise DataError(f"drawing submaps: poses are {poses.shape} or not finite, not finite ({len(grids)}, 3)")
-    boxes = [_known_corners(grid, pose) for grid, pose in zip(grids, poses, strict=True)]
+    drawn = [shown(grid) for grid in grids]
+    boxes = [_known_corners(grid, pose) for grid, pose in zip(drawn, poses, strict=True)]
     known = [box for box in boxes if box is not None]
     if not known:
         raise EstimationError("the map is empty: no submap has a known cell")
@@ -78,7 +81,7 @@ def draw_submaps(
     corner = first * resolution_m
     sums, weights = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     table = _log_odds_table()
-    for grid, pose, box in zip(grids, poses, boxes, strict=True):
+    for grid, pose, box in zip(drawn, poses, boxes, strict=True):
         if box is not None:
             (x0, y0), (x1, y1) = (np.asarray(point) / resolution_m - first for point in box)
             rows = max(math.floor(y0) - 1, 0), min(math.ceil(y1) + 1, height)

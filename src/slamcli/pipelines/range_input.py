@@ -17,6 +17,7 @@ from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud
 from slamcli.pipelines.fixed_frame import FixedFrame
 from slamcli.pipelines.message_sampling import FixedRatioSampler, sampler_by_topic
 from slamcli.pipelines.odometry_input import moved_to, odometry_from_tf
+from slamcli.pipelines.scan_cloud import cloud_of
 from slamcli.recordings import Recording, Topic
 from slamcli.recordings.laser_mount import LaserMount, find_cloud_mount, find_laser_mount, find_sensor_mount
 from slamcli.recordings.scan_normalisation import (
@@ -93,7 +94,7 @@ class SensorFeed:
     def measurements(self) -> Iterator[Measurement]:
         """Yield what was picked in recorded order, one message decoded at a time.
 
-        Scans are counter-clockwise, cleaned and on their scanner's fan; clouds and IMU samples are in their sensors' frames;
+        Scans are counter-clockwise, cleaned and on their scanner's fan, or in space clouds of their returns; clouds and IMU samples are in their sensors' frames;
         odometry is that of the base; fixes are poses in a plane that touches the earth at the first one. Odometry from
         tf has no place in that order, and comes first.
         """
@@ -115,7 +116,8 @@ class SensorFeed:
             if not sampler[measurement.topic].pulse():
                 continue
             if isinstance(measurement, LaserScan):
-                yield normalisers[measurement.topic].normalise(measurement)
+                scan = normalisers[measurement.topic].normalise(measurement)
+                yield cloud_of(scan) if self.plan.spatial else scan
             elif self.picks.fixes is not None and measurement.topic == self.picks.fixes.name:
                 yield from fixed.poses(measurement)
             elif isinstance(measurement, Odometry):

@@ -10,10 +10,9 @@ from typing import Any
 
 from slamcli.errors import EstimationError, UsageError
 from slamcli.formats.pbstream.reading import read_state
-from slamcli.mapper import MappingResult, find_tier
+from slamcli.mapper import MappingResult, find_resuming_tier
 from slamcli.posegraph import MapState, freeze, merge_states
 from slamcli.posegraph.node_trajectory import state_trajectory
-from slamcli.posegraph.rendering import draw_state
 from slamcli.runtime import RunLog
 
 
@@ -35,21 +34,32 @@ def load_states(paths: Sequence[Path], frozen: Sequence[Path], log: RunLog) -> M
         return merge_states(states)
 
 
-def check_resumes(algo: str, *, loads: bool, saves: bool) -> None:
-    """Refuse to load or save a state with a tier that has none.
+def check_dimensions(state: MapState | None, *, spatial: bool) -> None:
+    """Refuse to go on in space from a map in the plane, or the other way round.
 
     Raises
     ------
     UsageError
-        If the tier does not go on from states.
+        If the state's submaps have not the dimensions of the run.
     """
-    if (loads or saves) and not find_tier(algo).resumes:
-        option = "--load-state" if loads else "--save-state"
-        raise UsageError(f"{option}: {algo} has no state that can be saved; --algo cartographer has")
+    if state is None or not state.submaps:
+        return
+    is_3d = any(
+        submap.high_resolution is not None or submap.rotational_histogram is not None for submap in state.submaps
+    )
+    if is_3d != spatial:
+        has, runs = (3, 2) if is_3d else (2, 3)
+        raise UsageError(
+            f"the state is a {has}D map, and this run maps in {runs}D: --mode {has}d, or leave the state out"
+        )
 
 
-def result_of(state: MapState, *, map_frame: str, base_frame: str, log: RunLog) -> MappingResult:
+def result_of(
+    state: MapState, algo: str, parameters: Any, *, map_frame: str, base_frame: str, log: RunLog
+) -> MappingResult:
     """Return what is in a state as the result of a run: map, trajectory of its nodes, and the state itself.
+
+    The tier `algo` draws the map; `parameters` are its parameters.
 
     Raises
     ------
@@ -60,7 +70,7 @@ def result_of(state: MapState, *, map_frame: str, base_frame: str, log: RunLog) 
     grid = None
     with log.stage("draw map"):
         try:
-            grid = draw_state(state, map_frame)
+            grid = find_resuming_tier(algo, "--load-state").draw(parameters, state, map_frame)
         except EstimationError as error:
             log.warn(str(error))
     return MappingResult(

@@ -51,4 +51,6 @@ def relative_sigmas(num_submaps: int, ways: Ways) -> tuple[NDArray[np.float64], 
 def warm() -> None:
     """Compile the kernel of this module."""
     one = np.ones(1)
-    relative_sigmas(2, Ways(first=np.array([0]), second=np.array([1]), distance_m=one, translation_m2=one, rotation_rad2=one))
+    relative_sigmas(
+        2, Ways(first=np.array([0]), second=np.array([1]), distance_m=one, translation_m2=one, rotation_rad2=one)
+    )

@@ -297,7 +297,18 @@ def match_particles(cells, tables, corner_x, corner_y, delta, points, directions
         if max_alignments > 0:
             climbed = np.array([x, y, yaw])
             x, y, yaw, _ = align(
-                view, points, climbed, poses[p], information, window, fullness, noise, scale, 1.0, max_alignments, hessian
+                view,
+                points,
+                climbed,
+                poses[p],
+                information,
+                window,
+                fullness,
+                noise,
+                scale,
+                1.0,
+                max_alignments,
+                hessian,
             )
             score = score_pose(view, points, directions, x, y, yaw, window, fullness, free_check, sigma)
         scores[p] = score

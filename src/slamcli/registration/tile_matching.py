@@ -118,7 +118,18 @@ def surface_aligner(
         start: NDArray[np.float64], prior: NDArray[np.float64], information: NDArray[np.float64]
     ) -> tuple[float, float, float, float]:
         return kernels.align(
-            view, points, start, prior, information, s.window, s.fullness, s.noise_m, s.scale, s.tangent, s.max_iterations, normal
+            view,
+            points,
+            start,
+            prior,
+            information,
+            s.window,
+            s.fullness,
+            s.noise_m,
+            s.scale,
+            s.tangent,
+            s.max_iterations,
+            normal,
         )
 
     return align

@@ -52,9 +52,21 @@ def track(seconds, rates, forces, time_constant, level, out):
                 for i in range(3):
                     gravity[i] += share * (forces[k, i] / size - gravity[i])
             # turn so that the tracked gravity points up
-            ux = (1 - 2 * (y * y + z * z)) * gravity[0] + 2 * (x * y - z * w) * gravity[1] + 2 * (x * z + y * w) * gravity[2]
-            uy = 2 * (x * y + z * w) * gravity[0] + (1 - 2 * (x * x + z * z)) * gravity[1] + 2 * (y * z - x * w) * gravity[2]
-            uz = 2 * (x * z - y * w) * gravity[0] + 2 * (y * z + x * w) * gravity[1] + (1 - 2 * (x * x + y * y)) * gravity[2]
+            ux = (
+                (1 - 2 * (y * y + z * z)) * gravity[0]
+                + 2 * (x * y - z * w) * gravity[1]
+                + 2 * (x * z + y * w) * gravity[2]
+            )
+            uy = (
+                2 * (x * y + z * w) * gravity[0]
+                + (1 - 2 * (x * x + z * z)) * gravity[1]
+                + 2 * (y * z - x * w) * gravity[2]
+            )
+            uz = (
+                2 * (x * z - y * w) * gravity[0]
+                + 2 * (y * z + x * w) * gravity[1]
+                + (1 - 2 * (x * x + y * y)) * gravity[2]
+            )
             length = math.sqrt(ux * ux + uy * uy + uz * uz)
             if length > 1e-6 and uz > -0.999 * length:
                 cx, cy, cw = uy / length, -ux / length, 1.0 + uz / length

@@ -42,7 +42,9 @@ class WheelCalibration:
     def apply(self, odometry: WheelOdometry) -> WheelOdometry:
         """Return the odometry without these errors, from the same first pose."""
         steps = se2.between(odometry.poses[:-1], odometry.poses[1:])
-        yaw = np.cumsum(np.concatenate([odometry.poses[:1, 2], self.turn_scale * steps[:, 2] + self.turn_rad_m * steps[:, 0]]))
+        yaw = np.cumsum(
+            np.concatenate([odometry.poses[:1, 2], self.turn_scale * steps[:, 2] + self.turn_rad_m * steps[:, 0]])
+        )
         c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
         x = odometry.poses[0, 0] + np.concatenate([[0.0], np.cumsum(self.scale * (c * steps[:, 0] - s * steps[:, 1]))])
         y = odometry.poses[0, 1] + np.concatenate([[0.0], np.cumsum(self.scale * (s * steps[:, 0] + c * steps[:, 1]))])
@@ -75,7 +77,7 @@ def calibrate(
         scale = _fit(told[sharp, :1], seen[sharp, 0])
     turns = _turns(told[whole], seen[whole, 2])
     values = [float(np.clip(value, *limits)) for value, limits in zip((*scale, *turns), _LIMITS, strict=True)]
-    return WheelCalibration(*values, num_stretches=int(whole.sum()))
+    return WheelCalibration(values[0], values[1], values[2], int(whole.sum()))
 
 
 def _turns(told: NDArray[np.float64], seen: NDArray[np.float64]) -> tuple[float, float]:
@@ -106,10 +108,10 @@ def _stretches(wheels: NDArray[np.float64], trusted: NDArray[np.bool_]) -> NDArr
 def _fit(design: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the least trimmed squares solution of ``design @ solution = seen``, by concentration steps."""
     kept = np.arange(len(seen))
-    solution = np.zeros(design.shape[1])
+    solution: NDArray[np.float64] = np.zeros(design.shape[1])
     for _ in range(_ROUNDS):
         normal = design[kept].T @ design[kept] + 1e-9 * np.eye(design.shape[1])
-        solution = np.linalg.solve(normal, design[kept].T @ seen[kept])
+        solution = np.asarray(np.linalg.solve(normal, design[kept].T @ seen[kept]), dtype=np.float64)
         error = np.abs(design @ solution - seen)
         kept = np.sort(np.argsort(error, kind="stable")[: max(1, round(_KEPT * len(seen)))])
     return solution

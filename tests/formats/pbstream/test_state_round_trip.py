@@ -162,7 +162,7 @@ def without_rotations(message: Any) -> bytes:
         for field, value in pending.pop().ListFields():
             if field.message_type is None:
                 continue
-            for part in value if field.is_repeated else [value]:
+            for part in [value] if hasattr(value, "ListFields") else value:
                 if field.name == "rotation":
                     part.Clear()
                 else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from slamcli.cartographer.parameters.extensions_3d import Extensions3d
 from slamcli.cartographer.parameters.map_builder import MapBuilder, PureLocalizationTrimmer, TrajectoryBuilder
 from slamcli.cartographer.parameters.options import NodeOptions
 from slamcli.cartographer.parameters.pose_graph import (
@@ -49,6 +50,7 @@ class CartographerParameters:
     trajectory_builder_2d: TrajectoryBuilder2d = group(TrajectoryBuilder2d(), name="TRAJECTORY_BUILDER_2D")
     trajectory_builder_3d: TrajectoryBuilder3d = group(TrajectoryBuilder3d(), name="TRAJECTORY_BUILDER_3D")
     pose_graph: PoseGraph = group(PoseGraph(), name="POSE_GRAPH")
+    slamcli_3d: Extensions3d = group(Extensions3d(), name="SLAMCLI_3D")
 
 
 __all__ = [
@@ -59,6 +61,7 @@ __all__ = [
     "CeresSolverOptions",
     "ConstantVelocityExtrapolator",
     "ConstraintBuilder",
+    "Extensions3d",
     "FastCorrelativeScanMatcher2d",
     "FastCorrelativeScanMatcher3d",
     "MapBuilder",

@@ -54,7 +54,7 @@ class ProbabilityGridInserter:
 class NormalEstimation:
     """Normals of a scan's surface."""
 
-    num_normal_samples: int = count(4, "neighbours on each side at most", 1)
+    num_normal_samples: int = count(4, "neighbours at most, half of them on each side", 1)
     sample_radius: float = length(0.5, "neighbours are not farther than this", 1e-3)
 
 
@@ -174,4 +174,5 @@ class TrajectoryBuilder2d:
             raise ConfigError("TRAJECTORY_BUILDER_2D: min_range must be below max_range")
         if self.min_z > self.max_z:
             raise ConfigError("TRAJECTORY_BUILDER_2D: min_z must not be above max_z")
+
     scan_odometry: ScanOdometry2d = group(ScanOdometry2d())

@@ -40,21 +40,19 @@ def unpack(data: bytes, what: str) -> NDArray[np.int64]:
 
 def pack(numbers: NDArray[np.integer]) -> bytes:
     """Return numbers (N,) as a packed field of type int32; negative ones take ten bytes, as protobuf has it."""
-    values = np.asarray(numbers).astype(np.int64).view(np.uint64)
+    values: NDArray[np.unsignedinteger] = np.asarray(numbers).astype(np.int64).view(np.uint64)
+    if len(values) and values.max() < 1 << 28:
+        values = values.astype(np.uint32)  # half the time
     lengths = np.ones(len(values), np.int64)
-    for k in range(1, _MAX_BYTES):
-        longer = values >= np.uint64(1) << np.uint64(7 * k)
-        if not longer.any():
-            break
+    longest = 1
+    while longest < _MAX_BYTES and (longer := values >> values.dtype.type(7 * longest) > 0).any():
         lengths += longer
-    ends = np.cumsum(lengths)
-    octets = np.zeros(int(ends[-1]) if len(ends) else 0, np.uint8)
-    starts = ends - lengths
-    for k in range(int(lengths.max(initial=0))):
-        chosen = np.flatnonzero(lengths > k)
-        part = (values[chosen] >> np.uint64(7 * k)).astype(np.uint8) & 0x7F
-        octets[starts[chosen] + k] = part | np.where(lengths[chosen] > k + 1, 0x80, 0).astype(np.uint8)
-    return octets.tobytes()
+        longest += 1
+    octets = np.empty((len(values), longest), np.uint8)
+    for k in range(longest):
+        octets[:, k] = (values >> values.dtype.type(7 * k)).astype(np.uint8) & 0x7F
+        octets[:, k] |= (lengths > k + 1).astype(np.uint8) << 7
+    return octets[np.arange(longest) < lengths[:, None]].tobytes()
 
 
 def unpack_zigzag(data: bytes, what: str) -> NDArray[np.int64]:

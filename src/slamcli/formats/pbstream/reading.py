@@ -91,6 +91,10 @@ def read_state_file(path: str | os.PathLike[str], *, log: RunLog | None = None) 
         options=dict(zip(trajectories, options, strict=False)),
         **records.sensor_data(),
     )
+    if version == 1 and any(submap.rotational_histogram is not None for submap in state.submaps):
+        log.warn(
+            f"{path}: of version 1, whose 3D submaps have no rotational histogram: no loop closures are found in them"
+        )
     size = path.stat().st_size
     return StateFile(
         path=path, version=version, size_bytes=size, state=state, trajectories=trajectories, messages=dict(counts)
