@@ -25,6 +25,7 @@ ROOMS = (
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "posegraph.drift",
     "posegraph.imu_integration",
     "posegraph.planar_covariances",
     "posegraph.spatial",
@@ -39,6 +40,7 @@ ROOMS = (
     "simulation.drive",
     "simulation.raycast",
     "simulation.space",
+    "trajectory.attitude",
 )
 
 

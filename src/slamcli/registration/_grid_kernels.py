@@ -314,3 +314,37 @@ def best_in_window(
                 if value > best:
                     best, bx, by, ba = value, prior[0] + j * step, prior[1] + i * step, yaw
     return bx, by, ba, best
+
+
+@njit(cache=True, nogil=True)
+def spread(cells, probability, ox, oy, inverse, points, pose, half, step, temperature, out):
+    """Mean and covariance of the translation over a window of ``2 * half + 1`` steps of `step` cells about a pose.
+
+    Each offset weighs exp((score - score at the pose) / temperature), at most 1. `out` is float64 (5,): mean x, mean y,
+    covariance xx, xy, yy, in cells.
+    """
+    n = points.shape[0]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    rows, columns = np.empty(n, np.int64), np.empty(n, np.int64)
+    for k in range(n):
+        columns[k] = math.floor((pose[0] + c * points[k, 0] - s * points[k, 1] - ox) * inverse)
+        rows[k] = math.floor((pose[1] + s * points[k, 0] + c * points[k, 1] - oy) * inverse)
+    best = 0.0
+    for k in range(n):
+        best += _cost(cells, probability, rows[k], columns[k])
+    total, mx, my, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(-half, half + 1):
+        for j in range(-half, half + 1):
+            value = 0.0
+            for k in range(n):
+                value += _cost(cells, probability, rows[k] + i * step, columns[k] + j * step)
+            weight = math.exp(min((value - best) / (max(n, 1) * temperature), 0.0))
+            x, y = j * step, i * step
+            total += weight
+            mx += weight * x
+            my += weight * y
+            xx += weight * x * x
+            xy += weight * x * y
+            yy += weight * y * y
+    out[0], out[1] = mx / total, my / total
+    out[2], out[3], out[4] = xx / total, xy / total, yy / total

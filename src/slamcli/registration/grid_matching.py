@@ -15,6 +15,7 @@ from slamcli.grids.submap_grid import SubmapGrid
 from slamcli.grids.tsdf_grid import TsdfGrid
 from slamcli.registration import _grid_kernels as _kernels
 
+_SPREAD_STEP_M, _SPREAD_TEMPERATURE = 0.2, 0.02
 _NO_WEIGHTS = np.empty((0, 0), np.uint16)
 
 
@@ -95,6 +96,25 @@ def mean_probability(grid: SubmapGrid, points: NDArray[np.float64], pose: NDArra
     )
 
 
+def position_spread(
+    grid: SubmapGrid, points: NDArray[np.float64], pose: NDArray[np.float64], window_m: float
+) -> NDArray[np.float64]:
+    """Return the covariance float64 (2, 2), m^2, of the positions about `pose` at which the points fit about as well.
+
+    Positions on a raster of 0.2 m within `window_m` weigh by exp((score - score at the pose) / 0.02): along a corridor,
+    or between doors that look alike, the covariance is large (after Olson, ICRA 2009, on the covariance of a match).
+    """
+    step = max(1, round(_SPREAD_STEP_M / grid.resolution_m))
+    half = max(1, math.ceil(window_m / (step * grid.resolution_m)))
+    moments = np.empty(5)
+    _kernels.spread(
+        grid.cells, score_table(grid), *grid.origin, 1.0 / grid.resolution_m, points, pose, half, step,
+        _SPREAD_TEMPERATURE, moments,
+    )  # fmt: skip
+    xx, xy, yy = moments[2:] * grid.resolution_m**2
+    return np.array([[xx, xy], [xy, yy]])
+
+
 def angular_step(resolution_m: float, farthest_m: float) -> float:
     """Return the turn in radians that moves a point at that distance by one cell (section V-B of the paper)."""
     distance = max(farthest_m, 3.0 * resolution_m)
@@ -148,3 +168,4 @@ def warm() -> None:
     match_least_squares(grid, point, pose, pose, LeastSquaresMatch())
     match_correlative(grid, point, pose, CorrelativeMatch())
     mean_probability(grid, point, pose)
+    position_spread(grid, point, pose, 0.2)
