@@ -20,8 +20,11 @@ from slamcli.grids.submap_grid import SubmapGrid, shown
 from slamcli.grids.tsdf_grid import TsdfGrid
 
 _MAX_CELLS = 400_000_000
-_MIN_WEIGHT = 0.5
-"""A cell is known if at least half a cell of submaps lies under it."""
+_FARTHEST_CELL = 1 << 40
+_MIN_WEIGHT = 0.499
+"""A cell is known if half a cell of submaps lies under it; a hair less, so that rounding does not decide."""
+_HAIR = 1e-6
+"""Of a cell, by which known cells may reach into the next one through rounding."""
 
 
 def draw_submaps(
@@ -74,14 +77,16 @@ def draw_submaps(
     known = [box for box in boxes if box is not None]
     if not known:
         raise EstimationError("the map is empty: no submap has a known cell")
-    first = np.floor(np.min([low for low, _ in known], axis=0) / resolution_m).astype(np.int64) - margin_cells
-    end = np.ceil(np.max([high for _, high in known], axis=0) / resolution_m).astype(np.int64) + margin_cells
-    width, height = (int(n) for n in end - first)
-    if width * height > _MAX_CELLS:
+    low = np.floor(np.min([low for low, _ in known], axis=0) / resolution_m + _HAIR) - margin_cells
+    end = np.ceil(np.max([high for _, high in known], axis=0) / resolution_m - _HAIR) + margin_cells
+    if np.prod(end - low) > _MAX_CELLS or max(np.abs(low).max(), np.abs(end).max()) > _FARTHEST_CELL:
+        width_m, height_m = (end - low) * resolution_m
         raise DataError(
-            f"the map would be {width * resolution_m:.0f} x {height * resolution_m:.0f} m in cells of {resolution_m:g} m: "
+            f"the map would be {width_m:.3g} x {height_m:.3g} m in cells of {resolution_m:g} m: "
             "the submaps' poses are broken, or the resolution is too fine for a place of this size"
         )
+    first = low.astype(np.int64)
+    width, height = (int(n) for n in end - low)
     corner = first * resolution_m
     sums, weights = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     for grid, pose, box in zip(drawn, poses, boxes, strict=True):

@@ -167,10 +167,12 @@ def _closures(graph: GraphArrays, place: _Place) -> list[_Layer]:
         its = np.flatnonzero(drawn & (classes == i))
         if len(its):
             lines = _lines(graph, place, graph.constraint_nodes[its], graph.constraint_submaps[its])
+            # Hundreds of good ones must not hide the map; bad ones stay as they are.
+            opacity = min(0.75, max(0.3, 120.0 / len(its))) if i < len(RESIDUAL_CLASSES) - 1 else 0.9
             layers.append(
                 _Layer(
                     f"loop constraints, {words} ({len(its):,})",
-                    f'<path class="loop r{i}" d="{lines}"/>',
+                    f'<path class="loop r{i}" stroke-opacity="{opacity:.2f}" d="{lines}"/>',
                     key=f"loop r{i}",
                 )
             )

@@ -57,6 +57,12 @@ _MAP_CAPTION = (
 )
 
 
+_REASONS = (
+    "score: the best match is worse than min_score; ambiguous: it holds the scan in no direction; no second match agrees: a find in a wide "
+    "window that stands alone; contradicts: the optimised graph pulls it apart."
+)
+
+
 def _in_run(graph: GraphArrays, trajectory: Trajectory | None) -> tuple[NDArray[np.int64], int]:
     """Return the nodes (K,) that were made during the run, by their stamps, and when it began; all where nothing tells."""
     order = np.argsort(graph.stamps_ns, kind="stable")
@@ -113,7 +119,7 @@ def _closures(
                 told,
             )
         )
-        parts.append(page.figure(rejections(searches), "What became of the searches"))
+        parts.append(page.figure(rejections(searches), "What became of the searches", _REASONS))
         parts.append(page.figure(rounds(searches), "Rounds of searching") if rounds(searches) else "")
     worst = worst_closures(graph)
     parts.append(
