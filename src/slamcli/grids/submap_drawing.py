@@ -100,8 +100,8 @@ def draw_submaps(
                 cells, np.array(grid.origin), grid.resolution_m, table, pose, corner, resolution_m, window, sums, weights
             )  # fmt: skip
     if all(isinstance(grid, TsdfGrid) for grid in drawn):
-        known = weights >= _MIN_WEIGHT
-        trinary = trinary_by_distance(np.divide(sums, weights, where=known, out=np.full_like(sums, np.nan)))
+        enough = weights >= _MIN_WEIGHT
+        trinary = trinary_by_distance(np.divide(sums, weights, where=enough, out=np.full_like(sums, np.nan)))
     else:
         trinary = _trinary(sums, weights, occupied_probability, free_probability)
     return OccupancyGrid(trinary, resolution_m, (float(corner[0]), float(corner[1]), 0.0), frame_id)
