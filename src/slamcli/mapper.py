@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,6 +138,27 @@ class Tier(Protocol):
         """Return a mapper."""
 
 
+class StateDrawing(NamedTuple):
+    """What can be seen in a state."""
+
+    grid: OccupancyGrid
+    cloud: PointCloud | None = None
+    """In the map frame (3D)."""
+
+
+class ResumingTier(Tier, Protocol):
+    """A tier that ends with a state and goes on from one (`Tier.resumes`)."""
+
+    def draw(self, parameters: Any, state: MapState, map_frame: str) -> StateDrawing:
+        """Return the map and the points that are in a state, as it is: nothing is searched or optimised.
+
+        Raises
+        ------
+        EstimationError
+            If there is nothing to draw in it.
+        """
+
+
 def find_tier(name: str) -> Tier:
     """Return the tier of that name from the installed entry points.
 
@@ -153,3 +174,17 @@ def find_tier(name: str) -> Tier:
         raise UsageError(f"no SLAM system {name!r}: installed are {', '.join(sorted(found)) or 'none'}")
     tier: Tier = found[name].load()
     return tier
+
+
+def find_resuming_tier(name: str, option: str) -> ResumingTier:
+    """Return the tier of that name; `option` is what a tier without states cannot do, for the message.
+
+    Raises
+    ------
+    UsageError
+        If no such tier is installed, or it has no states.
+    """
+    tier = find_tier(name)
+    if not tier.resumes:
+        raise UsageError(f"{option}: {name} has no state that can be saved; --algo cartographer has")
+    return cast(ResumingTier, tier)

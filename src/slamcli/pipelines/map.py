@@ -12,7 +12,7 @@ from typing import Any
 
 from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
-from slamcli.mapper import MappingResult, Setup, find_tier
+from slamcli.mapper import MappingResult, Setup, find_resuming_tier, find_tier
 from slamcli.outputs import atomic_directory, check_directory
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.config import NativeConfig, load_native
@@ -20,7 +20,7 @@ from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
 from slamcli.pipelines.run_record import describe_inputs, run_document
-from slamcli.pipelines.saved_state import check_dimensions, check_resumes, load_states, result_of
+from slamcli.pipelines.saved_state import check_dimensions, load_states, result_of
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.posegraph import MapState
 from slamcli.recordings import Mends, Recording, open_recording
@@ -97,8 +97,12 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     began = time.perf_counter()
     if not request.files:
         raise UsageError("nothing to map: name a recording, or a state with --load-state")
-    states = bool(request.load_states or request.load_frozen_states)
-    check_resumes(request.algo, loads=states, saves=request.save_state is not None)
+    for option, value in (
+        ("--load-state", request.files != tuple(request.inputs)),
+        ("--save-state", request.save_state),
+    ):
+        if value:
+            find_resuming_tier(request.algo, option)
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
     output = request.output or default_output(request.files)
     check_directory(output)
@@ -172,7 +176,9 @@ def _from_state(request: MapRequest, config: NativeConfig, state: MapState, log:
         if value is not None:
             raise UsageError(f"{option} is for a recording, and none was named")
     frames = {"map": request.map_frame or "map", "base": request.base_frame or "base_link"}
-    result = result_of(state, map_frame=frames["map"], base_frame=frames["base"], log=log)
+    result = result_of(
+        state, request.algo, config.parameters, map_frame=frames["map"], base_frame=frames["base"], log=log
+    )
     stamps = result.trajectory.stamps_ns
     return _Run(
         result=result, parameters=config.parameters, topics={}, frames=frames,

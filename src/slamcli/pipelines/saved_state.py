@@ -10,10 +10,9 @@ from typing import Any
 
 from slamcli.errors import EstimationError, UsageError
 from slamcli.formats.pbstream.reading import read_state
-from slamcli.mapper import MappingResult, find_tier
+from slamcli.mapper import MappingResult, find_resuming_tier
 from slamcli.posegraph import MapState, freeze, merge_states
 from slamcli.posegraph.node_trajectory import state_trajectory
-from slamcli.posegraph.rendering import draw_state
 from slamcli.runtime import RunLog
 
 
@@ -33,19 +32,6 @@ def load_states(paths: Sequence[Path], frozen: Sequence[Path], log: RunLog) -> M
         states = [read_state(path, log=log) for path in paths]
         states += [freeze(read_state(path, log=log)) for path in frozen]
         return merge_states(states)
-
-
-def check_resumes(algo: str, *, loads: bool, saves: bool) -> None:
-    """Refuse to load or save a state with a tier that has none.
-
-    Raises
-    ------
-    UsageError
-        If the tier does not go on from states.
-    """
-    if (loads or saves) and not find_tier(algo).resumes:
-        option = "--load-state" if loads else "--save-state"
-        raise UsageError(f"{option}: {algo} has no state that can be saved; --algo cartographer has")
 
 
 def check_dimensions(state: MapState | None, *, spatial: bool) -> None:
@@ -68,8 +54,12 @@ def check_dimensions(state: MapState | None, *, spatial: bool) -> None:
         )
 
 
-def result_of(state: MapState, *, map_frame: str, base_frame: str, log: RunLog) -> MappingResult:
+def result_of(
+    state: MapState, algo: str, parameters: Any, *, map_frame: str, base_frame: str, log: RunLog
+) -> MappingResult:
     """Return what is in a state as the result of a run: map, trajectory of its nodes, and the state itself.
+
+    The tier `algo` draws the map; `parameters` are its parameters.
 
     Raises
     ------
@@ -77,14 +67,15 @@ def result_of(state: MapState, *, map_frame: str, base_frame: str, log: RunLog) 
         If there is no node in the state.
     """
     trajectory = state_trajectory(state, frame_id=map_frame, child_frame_id=base_frame)
-    grid = None
+    drawing = None
     with log.stage("draw map"):
         try:
-            grid = draw_state(state, map_frame)
+            drawing = find_resuming_tier(algo, "--load-state").draw(parameters, state, map_frame)
         except EstimationError as error:
             log.warn(str(error))
+    grid, cloud = (None, None) if drawing is None else drawing
     return MappingResult(
-        trajectory=trajectory, grid=grid, keyframes=trajectory, state=state, summary=state_summary(state)
+        trajectory=trajectory, grid=grid, cloud=cloud, keyframes=trajectory, state=state, summary=state_summary(state)
     )
 
 

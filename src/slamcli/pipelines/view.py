@@ -133,9 +133,11 @@ def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Conten
         facts |= trajectory_facts(trajectory)
     if kind == "state":
         from slamcli.formats.pbstream.reading import read_state  # brings numba, which other pictures do not need
+        from slamcli.pipelines.config import load_native
         from slamcli.pipelines.saved_state import result_of
 
-        drawn = result_of(read_state(source, log=log), map_frame="map", base_frame="base_link", log=log)
+        state, parameters = read_state(source, log=log), load_native("cartographer").parameters
+        drawn = result_of(state, "cartographer", parameters, map_frame="map", base_frame="base_link", log=log)
         grid, trajectory = drawn.grid, drawn.trajectory
         facts |= dict(drawn.summary) | ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
     if grid is None and trajectory is None:

@@ -157,8 +157,12 @@ def sample_likelihoods(cells, tables, corner_x, corner_y, delta, points, directi
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _surface(view, px, py, window, fullness, noise2):
-    """Mean and inverse covariance of the mean hits around (px, py): count, x, y relative to the point, and ixx ixy iyy."""
+def _surface(view, px, py, window, fullness, noise2, tangent):
+    """Mean and inverse covariance of the mean hits around (px, py): count, x, y relative to the point, and ixx ixy iyy.
+
+    Along the surface, the direction in which the hits spread most, the information counts by `tangent` only, as far as
+    the hits form a line: where they are as wide as long, or a single one, nothing says which direction that is.
+    """
     cells, table, _, _, delta, inverse = view
     low_i, low_j = math.floor(py * inverse) - window, math.floor(px * inverse) - window
     high_i, high_j = low_i + 2 * window, low_j + 2 * window
@@ -183,11 +187,21 @@ def _surface(view, px, py, window, fullness, noise2):
     mx, my = sx / n, sy / n
     vxx, vxy, vyy = sxx / n - mx * mx + noise2, sxy / n - mx * my, syy / n - my * my + noise2
     det = vxx * vyy - vxy * vxy
-    return n, mx, my, vyy / det, -vxy / det, vxx / det
+    if tangent == 1.0:
+        return n, mx, my, vyy / det, -vxy / det, vxx / det
+    half, gap = 0.5 * (vxx + vyy), math.sqrt(0.25 * (vxx - vyy) ** 2 + vxy * vxy)
+    narrow, wide = half - gap, half + gap
+    if gap <= 1e-12:
+        return n, mx, my, 1.0 / wide, 0.0, 1.0 / wide
+    along = (1.0 / wide) * (1.0 - (1.0 - tangent) * (1.0 - narrow / wide))
+    across = 1.0 / narrow
+    # projectors on the two axes: (V - narrow I) / (wide - narrow) is the one along the surface
+    pxx, pxy, pyy = (vxx - narrow) / (2.0 * gap), vxy / (2.0 * gap), (vyy - narrow) / (2.0 * gap)
+    return n, mx, my, across + (along - across) * pxx, (along - across) * pxy, across + (along - across) * pyy
 
 
 @njit(cache=True, nogil=True)
-def _linearise(view, points, x, y, yaw, window, fullness, noise2, scale, hessian, gradient):
+def _linearise(view, points, x, y, yaw, window, fullness, noise2, scale, tangent, hessian, gradient):
     """Add the points' terms to the normal equations; returns how many found a surface and their summed robust weight."""
     c, s = math.cos(yaw), math.sin(yaw)
     bx, by = x - view[2], y - view[3]
@@ -195,7 +209,7 @@ def _linearise(view, points, x, y, yaw, window, fullness, noise2, scale, hessian
     for k in range(points.shape[0]):
         rx = c * points[k, 0] - s * points[k, 1]
         ry = s * points[k, 0] + c * points[k, 1]
-        n, mx, my, ixx, ixy, iyy = _surface(view, bx + rx, by + ry, window, fullness, noise2)
+        n, mx, my, ixx, ixy, iyy = _surface(view, bx + rx, by + ry, window, fullness, noise2, tangent)
         if n == 0.0:
             continue
         weight = scale / (scale + ixx * mx * mx + 2.0 * ixy * mx * my + iyy * my * my)
@@ -234,16 +248,17 @@ def _solve(hessian, gradient):
 
 
 @njit(cache=True, nogil=True)
-def align(view, points, start, prior, information, window, fullness, noise, scale, max_iterations):
+def align(view, points, start, prior, information, window, fullness, noise, scale, tangent, max_iterations, hessian):
     """Gauss-Newton alignment of points with the surface that the mean hits of neighbouring cells form.
 
     Each point is compared with mean and covariance of the mean hits in its window (a distribution, as in generalised
     ICP); a residual counts by inverse(covariance + noise^2) and a Geman-McClure weight of `scale`. The result is drawn
     to `prior` by `information` (3,), its diagonal. Returns x, y, yaw and the quality: the summed weights before
-    squaring over the number of points, 1 where every point lies on a surface.
+    squaring over the number of points, 1 where every point lies on a surface. `hessian` (3, 3) gets the last normal
+    matrix in its upper triangle, in the map's axes about the pose, with `information`.
     """
     x, y, yaw = start[0], start[1], start[2]
-    hessian, gradient = np.empty((3, 3)), np.empty(3)
+    gradient = np.empty(3)
     quality = 0.0
     for _ in range(max_iterations):
         hessian[:] = 0.0
@@ -252,7 +267,9 @@ def align(view, points, start, prior, information, window, fullness, noise, scal
         gradient[0] = information[0] * (x - prior[0])
         gradient[1] = information[1] * (y - prior[1])
         gradient[2] = information[2] * (yaw - prior[2])
-        _, total = _linearise(view, points, x, y, yaw, window, fullness, noise * noise, scale, hessian, gradient)
+        _, total = _linearise(
+            view, points, x, y, yaw, window, fullness, noise * noise, scale, tangent, hessian, gradient
+        )
         quality = total / max(points.shape[0], 1)
         dx, dy, dyaw = _solve(hessian, gradient)
         x += dx
@@ -271,6 +288,7 @@ def match_particles(cells, tables, corner_x, corner_y, delta, points, directions
 
     A hill climb, then at most `max_alignments` Gauss-Newton steps that draw to the predicted pose by `information` (3,).
     """
+    hessian = np.empty((3, 3))
     for p in range(first, last):
         view = (cells, tables[p], corner_x, corner_y, delta, 1.0 / delta)
         x, y, yaw, score = hill_climb(
@@ -279,7 +297,18 @@ def match_particles(cells, tables, corner_x, corner_y, delta, points, directions
         if max_alignments > 0:
             climbed = np.array([x, y, yaw])
             x, y, yaw, _ = align(
-                view, points, climbed, poses[p], information, window, fullness, noise, scale, max_alignments
+                view,
+                points,
+                climbed,
+                poses[p],
+                information,
+                window,
+                fullness,
+                noise,
+                scale,
+                1.0,
+                max_alignments,
+                hessian,
             )
             score = score_pose(view, points, directions, x, y, yaw, window, fullness, free_check, sigma)
         scores[p] = score
