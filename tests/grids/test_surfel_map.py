@@ -67,7 +67,7 @@ def test_a_full_voxel_keeps_the_plane_that_was_seen_first():
     surfels = SurfelMap(1.0, 1, capacity=100)
     surfels.add(flat)
     before = planes_of(surfels).copy()
-    surfels.add(flat + [0, 0, 0.2])
+    surfels.add(flat + np.array([0, 0, 0.2]))
     np.testing.assert_array_equal(planes_of(surfels), before)
     assert before[0, 2] == pytest.approx(0.3, abs=1e-3)
 
