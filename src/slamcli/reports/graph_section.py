@@ -52,8 +52,8 @@ def graph_sections(
 _MAP_CAPTION = (
     "Switches above show and hide what is drawn. A loop constraint runs from the node to where the robot was in the middle of building "
     "the submap; its colour is the residual, what the optimised poses still disagree with the match by. Few constraints that are worse than their "
-    "neighbours are wrong matches; many along one stretch are drift that the loop could not spread. Along a corridor a match is blind, and large residuals "
-    "in its direction are harmless. Where the map is double and no line leads, a loop was not found: look at the rejected searches."
+    "neighbours are wrong matches; many along one stretch are drift that the loop could not spread. Directions in which a match "
+    "is blind, as along a corridor, are left out of it where the run knows them. Where the map is double and no line leads, a loop was not found: look at the rejected searches."
 )
 
 
