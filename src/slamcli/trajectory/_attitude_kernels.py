@@ -30,7 +30,10 @@ def track(seconds, rates, forces, time_constant, level, out):
     gravity = up.copy()
     for k in range(1, seconds.shape[0]):
         dt = seconds[k] - seconds[k - 1]
-        a, b, c = (0.5 * (rates[k, q] + rates[k - 1, q]) * dt for q in range(3))
+        half = 0.5 * dt
+        a = half * (rates[k, 0] + rates[k - 1, 0])
+        b = half * (rates[k, 1] + rates[k - 1, 1])
+        c = half * (rates[k, 2] + rates[k - 1, 2])
         angle = math.sqrt(a * a + b * b + c * c)
         h = 0.5 * math.sin(0.5 * angle) / (0.5 * angle) if angle > 1e-9 else 0.5
         p, q, r, s = a * h, b * h, c * h, math.cos(0.5 * angle)

@@ -75,6 +75,14 @@ def track_attitude(
     return Attitude(stamps, quats, mean_force, int((np.diff(seconds) > _LONGEST_GAP_S).sum()))
 
 
+def level_rotation(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the smallest rotation (4,), xyzw, that turns a unit vector (3,) to (0, 0, 1)."""
+    turned = np.array([up[1], -up[0], 0.0, 1.0 + up[2]])
+    size = float(np.linalg.norm(turned))
+    # Upside down any axis in the plane will do.
+    return turned / size if size > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
+
+
 def warm() -> None:
     """Compile the kernel of this module."""
     kernels.warm()
