@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from slamcli.cartographer.closing_2d import BatchClosing2d
 from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
+from slamcli.cartographer.online_closing_2d import OnlineClosing2d
 from slamcli.cartographer.parameters import CartographerParameters
+from slamcli.cartographer.pose_extrapolator_2d import ConstantVelocity2d
 from slamcli.cartographer.range_data import RangeData
 from slamcli.cartographer.result_2d import mapping_result
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
@@ -57,7 +59,8 @@ class Mapper2D:
         parts = [*parts_of_state(setup.state), part] if setup.state is not None else [part]
         graph = PoseGraph2d(self._parameters.pose_graph, parts)
         with ThreadPoolExecutor(setup.jobs) as executor:
-            closing = BatchClosing2d(graph, executor, log)
+            batch = self._parameters.pose_graph.batch_search.enabled
+            closing = (BatchClosing2d if batch else OnlineClosing2d)(graph, executor, log)
             with log.stage("loop closure"):
                 closing.run()
                 solution = graph.optimise(self._parameters.pose_graph.max_num_final_iterations)
@@ -74,9 +77,14 @@ class Mapper2D:
         local = LocalSlam2d(p, np.zeros(3))
         together = self._scans_per_match()
         matched, poses, lost = [], [], 0.0
+        speed = ConstantVelocity2d(p.pose_extrapolator.constant_velocity.pose_queue_duration)
         with log.stage("local SLAM", (stamps[-1] - stamps[0]) / 1e9):
             for last in range(together - 1, len(stamps), together):
                 scans = range(last - together + 1, last + 1)
+                if motions.extrapolated:
+                    ahead = slice(scans.start, last + 2)  # the next one too: it tells the motion during the last sweep
+                    turns = motions.motions[ahead, 2].copy() if motions.turns_told else None
+                    motions.motions[ahead] = speed.motions(stamps[ahead], turns)
                 motion = (0.0, 0.0, 0.0)
                 for k in (*range(scans.start, scans.stop),):
                     motion = compose(motion, as_pose(motions.motions[k])) if k else motion
@@ -87,6 +95,7 @@ class Mapper2D:
                 before = len(local.nodes)
                 local.step(last, int(stamps[last]), self._together(scans, motions.motions), np.array(motion))
                 lost = 0.0 if len(local.nodes) > before else lost
+                speed.add(int(stamps[last]), local.pose)
                 matched.append(last)
                 poses.append(local.pose)
                 log.progress.update((stamps[last] - stamps[0]) / 1e9)
