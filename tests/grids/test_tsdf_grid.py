@@ -13,6 +13,7 @@ import pytest
 from slamcli.errors import DataError
 from slamcli.geometry import se2
 from slamcli.grids import _tsdf_kernels as kernels
+from slamcli.grids.distance_drawing import drawn_distances, trinary_by_distance
 from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.grids.submap_drawing import draw_submaps
 from slamcli.grids.submap_grid import shown
@@ -185,18 +186,58 @@ def test_cropping_leaves_what_is_known():
     assert empty().cropped().tsd.tolist() == [[0]]
 
 
-def test_a_map_shows_the_surface_and_the_free_side():
-    grid = replace(TsdfInserter(), update_free_space=True).insert(empty(), np.zeros(3), START, wall(2.02), NONE)
-    drawn = draw_submaps([grid, shown(grid)], np.zeros((2, 3)), 0.05)
+def drawn_at(drawn, x, y=0.025):
+    column, row = (math.floor((v - drawn.origin[k]) / 0.05) for k, v in ((0, x), (1, y)))
+    return int(drawn.cells[row, column])
 
-    def at(x):
-        column, row = (math.floor((v - drawn.origin[k]) / 0.05) for k, v in ((0, x), (1, 0.025)))
-        return int(drawn.cells[row, column])
 
-    assert [at(x) for x in (0.5, 1.5, 1.975, 2.025, 2.075, 2.2)] == [0, 0, 0, 100, -1, -1]
+def free_wall(x, pose=(0.0, 0.0, 0.0), count=81):
+    """A grid in which a wall across the way ahead is seen, free space and all."""
+    settings = replace(TsdfInserter(), update_free_space=True)
+    ends = se2.transform_points(se2.inverse(pose), wall(x, count))
+    return settings.insert(empty(), np.array(pose), np.zeros(2), ends, NONE)
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_a_map_shows_the_surface_and_the_free_side(mixed):
+    grid = free_wall(2.02)
+    drawn = draw_submaps([grid, shown(grid)] if mixed else [grid], np.zeros((2 if mixed else 1, 3)), 0.05)
+    assert [drawn_at(drawn, x) for x in (0.5, 1.5, 1.975, 2.025, 2.075, 2.2)] == [0, 0, 0, 100, -1, -1]
     probabilities = grid.as_probabilities()
     assert isinstance(probabilities, ProbabilityGrid)
     assert shown(probabilities) is probabilities
+    assert np.nanmax(probabilities.probabilities()) > 0.8
+    assert np.nanmin(probabilities.probabilities()) == pytest.approx(0.1)
+
+
+def test_submaps_that_differ_by_two_cells_draw_one_wall_between():
+    drawn = draw_submaps([free_wall(1.975), free_wall(2.075)], np.zeros((2, 3)), 0.05)
+    assert [drawn_at(drawn, x) for x in (1.875, 1.925, 1.975, 2.025, 2.075, 2.125)] == [0, 0, 0, 100, -1, -1]
+
+
+def test_a_thin_wall_seen_from_both_sides_has_two_faces():
+    drawn = draw_submaps([free_wall(1.975), free_wall(2.075, (4.0, 0.0, math.pi))], np.zeros((2, 3)), 0.05)
+    row = [drawn_at(drawn, x) for x in (0.5, 1.5, 1.875, 1.975, 2.075, 2.175, 2.5, 3.5)]
+    assert row[:3] == [0, 0, 0]
+    assert row[-3:] == [0, 0, 0]
+    assert 100 in [drawn_at(drawn, x) for x in (1.925, 1.975, 2.025)]
+    assert 100 in [drawn_at(drawn, x) for x in (2.025, 2.075, 2.125)]
+
+
+def test_where_the_sign_changes_the_nearer_of_two_cells_is_the_surface():
+    nan = np.nan
+    distances = np.array([[2.0, 0.9, -0.7, -2.0], [2.0, 0.6, -0.8, nan], [nan, 2.0, nan, -0.6], [2.0, 0.5, 0.2, -1.4]])
+    expected = [[0, 0, 100, -1], [0, 100, -1, -1], [-1, 0, -1, -1], [0, 100, 100, -1]]
+    assert trinary_by_distance(distances.astype(np.float32)).tolist() == expected
+
+
+def test_a_map_takes_no_more_than_two_cells_behind_a_surface():
+    grid = free_wall(2.0)
+    cells, table = drawn_distances(grid, 0.05)
+    x = grid.origin[0] + (np.nonzero(cells)[1] + 0.5) * 0.05
+    assert 2.05 < x.max() < 2.1
+    assert table.max() == 2.0
+    assert table[16384] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("heading", [0.3, 0.79, 2.5])

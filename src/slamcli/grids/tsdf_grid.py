@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +58,11 @@ class TsdfGrid:
 
     def distances(self) -> NDArray[np.float32]:
         """Return float32 (H, W), metres; NaN where unknown."""
-        metres = (self.tsd.astype(np.float32) - 1.0) * (2.0 * self.truncation_distance_m / _kernels.STEPS)
-        return np.where(self.tsd == 0, np.float32(np.nan), metres - np.float32(self.truncation_distance_m))
+        return np.where(self.tsd == 0, np.float32(np.nan), self.distance_table()[self.tsd])
+
+    def distance_table(self) -> NDArray[np.float32]:
+        """Return float32 (32768,), metres by stored value; unknown cells are as far in front of a surface as can be."""
+        return _distance_table(self.truncation_distance_m)
 
     def with_room(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> TsdfGrid:
         """Return this grid, or a larger copy, that holds the box from `low` to `high` (2,), metres, with a margin.
@@ -80,7 +84,7 @@ class TsdfGrid:
         return self._part(self.tsd[rows, columns].copy(), self.weights[rows, columns].copy(), corner)
 
     def as_probabilities(self) -> ProbabilityGrid:
-        """Return what a map shows of it: occupied where the surface is nearer than half a cell, free in front of it.
+        """Return it as a grid of probabilities: occupied where the surface is nearer than half a cell, free in front of it.
 
         Cells behind the surface are unknown. The log odds fall with the distance up to a cell, so that the edge between
         occupied and free keeps its place when the grid is drawn turned.
@@ -95,6 +99,11 @@ class TsdfGrid:
 
     def _part(self, tsd: NDArray[np.uint16], weights: NDArray[np.uint16], origin: tuple[float, float]) -> TsdfGrid:
         return TsdfGrid(tsd, weights, self.resolution_m, origin, self.truncation_distance_m, self.max_weight)
+
+
+@lru_cache(maxsize=8)
+def _distance_table(truncation_m: float) -> NDArray[np.float32]:
+    return np.concatenate([[truncation_m], np.linspace(-truncation_m, truncation_m, 32767)]).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

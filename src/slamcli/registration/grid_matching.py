@@ -142,19 +142,12 @@ def score_table(grid: SubmapGrid) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=1)
 def _fit_table() -> NDArray[np.float32]:
-    sizes = np.abs(_distance_table(1.0))
+    sizes = np.abs(np.concatenate([[1.0], np.linspace(-1.0, 1.0, 32767)]))
     return (ProbabilityGrid.MAX_COST - (ProbabilityGrid.MAX_COST - ProbabilityGrid.MIN_COST) * sizes).astype(np.float32)
 
 
-@lru_cache(maxsize=8)
-def _distance_table(truncation_m: float) -> NDArray[np.float32]:
-    """Return float32 (32768,), the signed distance by stored value; unknown cells are as far in front as can be."""
-    table = np.linspace(-truncation_m, truncation_m, 32767)
-    return np.concatenate([[truncation_m], table]).astype(np.float32)
-
-
 def _residual_table(grid: SubmapGrid) -> NDArray[np.float32]:
-    return _distance_table(grid.truncation_distance_m) if isinstance(grid, TsdfGrid) else cost_table()
+    return grid.distance_table() if isinstance(grid, TsdfGrid) else cost_table()
 
 
 def _weights(grid: SubmapGrid) -> NDArray[np.uint16]:
