@@ -13,7 +13,8 @@ from test_html_report import parse
 
 from slamcli.geometry import se3
 from slamcli.grids.tsdf_grid import TsdfGrid
-from slamcli.posegraph import MapState
+from slamcli.posegraph import LoopSearch, MapState
+from slamcli.posegraph.constraint_residuals import constraint_residuals
 from slamcli.reports.graph_arrays import graph_arrays
 from slamcli.reports.graph_map import graph_map, residual_classes
 from slamcli.reports.html import report
@@ -70,6 +71,20 @@ def test_outlines_of_other_grids(made):
     np.testing.assert_allclose(deep.outlines_m[0], [(-2.05, -2.05), (1.95, -2.05), (1.95, 1.95), (-2.05, 1.95)])
 
 
+def test_what_a_search_tells_of_its_residual_counts(made):
+    state, _ = made
+    k = next(i for i, c in enumerate(state.constraints) if c.kind == "inter")
+    constraint = state.constraints[k]
+    blind = LoopSearch(
+        submap=constraint.submap, node=constraint.node, score=0.7, accepted=True, reason="",
+        translation_residual_m=0.002, rotation_residual_rad=0.0003,
+    )  # fmt: skip
+    assert graph_arrays(state, (blind,)).residuals_m[k] == 0.002
+    assert graph_arrays(state, (blind,)).residuals_rad[k] == 0.0003
+    assert graph_arrays(state, (replace(blind, accepted=False),)).residuals_m[k] > 0.003
+    assert graph_arrays(state).residuals_m[k] == pytest.approx(constraint_residuals(state)[0][k])
+
+
 def test_the_worse_residual_names_the_class():
     metres = np.array([0.01, 0.01, 0.2, 3.0, np.nan])
     degrees = np.array([0.1, 0.8, 0.1, 0.1, 0.1])
@@ -93,11 +108,11 @@ def test_the_drawing_has_a_layer_for_each_switch(graph):
     markup = graph_map(graph, graph_states.occupancy(graph_states.true_poses()))
     labels = [text for text in parse(markup).text if "(" in text or text == "map"]
     assert (
-        f"loop constraints, within 5 cm and 0.5° ({(residual_classes(graph.residuals_m, graph.residuals_rad)[graph.inter] == 0).sum()})"
+        f"loop constraints to 5 cm, 0.5° ({(residual_classes(graph.residuals_m, graph.residuals_rad)[graph.inter] == 0).sum()})"
         in labels
     )
     assert markup.count('type="checkbox"') == markup.count('<g class="l')
-    assert len(re.findall(r'class="outline" d="M[^"]*Z"', markup)) == 12
+    assert len(re.findall(r'class="outline" stroke-opacity="0.60" d="M[^"]*Z"', markup)) == 12
     assert "0, 6" in parse(markup).text
 
 

@@ -36,7 +36,8 @@ def graph_cards(
         facts.append((f"{np.median(known) * 100:.1f} cm", "median residual of loop constraints", False))
     before, after = summary.get("optimisation_cost_before"), summary.get("optimisation_cost_after")
     if isinstance(before, (int, float)) and isinstance(after, (int, float)):
-        facts.append((f"{before:.4g} → {after:.4g}", "cost of the last optimisation", False))
+        change = f" ({100 * (after / before - 1):+.0f}\N{NO-BREAK SPACE}%)".replace("-", "−") if before > 0 else ""
+        facts.append((f"{after:.3g}{change}", "cost after the last optimisation", False))
     return facts
 
 
