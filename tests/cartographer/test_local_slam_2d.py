@@ -18,7 +18,8 @@ from slamcli.grids.tsdf_grid import TsdfGrid
 
 PARAMETERS = TrajectoryBuilder2d(
     scan_odometry=ScanOdometry2d(enabled=False),
-    submaps=Submaps2d(num_range_data=15), ceres_scan_matcher=CeresScanMatcher2d(occupied_space_weight=10.0)
+    submaps=Submaps2d(num_range_data=15),
+    ceres_scan_matcher=CeresScanMatcher2d(occupied_space_weight=10.0),
 )
 
 
