@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from slamcli.cartographer.closing_2d import BatchClosing2d
 from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart
+from slamcli.cartographer.joining_2d import join_trajectories
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
 from slamcli.cartographer.outside_2d import Outside2d
 from slamcli.cartographer.parameters import CartographerParameters
 from slamcli.cartographer.range_data import RangeData
 from slamcli.cartographer.result_2d import mapping_result
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
-from slamcli.cartographer.state_2d import parts_of_state
+from slamcli.cartographer.state_2d import loops_of_state, parts_of_state
 from slamcli.errors import EstimationError
 from slamcli.geometry import se2
 from slamcli.mapper import MappingResult, Setup
@@ -61,10 +62,15 @@ class Mapper2D:
         part = self._part(local, motions)
         parts = [*parts_of_state(setup.state), part] if setup.state is not None else [part]
         graph = PoseGraph2d(self._parameters.pose_graph, parts)
+        if setup.state is not None:
+            graph.loops = loops_of_state(setup.state, graph)
         local_poses = between_updates(motions.motions, matched, poses)
         nodes = np.array([node.scan for node in local.nodes], dtype=np.int64)
-        self._outside.attach(graph, self._sequence.stamps_ns, local_poses, nodes)
         with ThreadPoolExecutor(setup.jobs) as executor:
+            with log.stage("loop closure"):
+                join_trajectories(graph, executor, log)
+            # Landmarks and fixed frames begin where the trajectory lies in the map.
+            self._outside.attach(graph, self._sequence.stamps_ns, local_poses, nodes)
             closing = BatchClosing2d(graph, executor, log)
             with log.stage("loop closure"):
                 closing.run()
