@@ -168,9 +168,6 @@ def test_searches_that_were_only_counted_count(made):
     markup = report(RUN | {"summary": {"loop_trials": 1000}}, state=state, loop_searches=searches)
     told = parse(markup).text
     assert "1,000" in told
-    assert (
-        told[told.index("found nothing") + 1 : told.index("found nothing") + 2] == [f"{1000 - len(searches):,}"]
-        or "found nothing" in told
-    )
+    assert f'found nothing</td><td class="n">{1000 - len(searches):,}</td>' in markup
     nothing = 1000 - sum(s.score > 0 for s in searches)
     assert f"{nothing:,} more searches found nothing above their bound." in told
