@@ -15,7 +15,7 @@ from slamcli.reports import page, scatter, step_charts, svg
 from slamcli.reports.figures.submaps import thumbnails
 from slamcli.reports.graph_arrays import GraphArrays, graph_arrays
 from slamcli.reports.graph_map import RESIDUAL_CLASSES, graph_map, residual_classes
-from slamcli.reports.graph_tables import graph_cards, rejections, rounds, worst_closures
+from slamcli.reports.graph_tables import graph_cards, num_trials, rejections, rounds, worst_closures
 from slamcli.reports.submap_matrix import matrix_chart, untied
 from slamcli.trajectory import Trajectory
 
@@ -115,7 +115,9 @@ def _closures(
             ("accepted", graph.scores[graph.accepted & found]),
             ("rejected", graph.scores[~graph.accepted & found]),
         ]
-        told = f"{np.count_nonzero(~found):,} more searches found nothing above their bound." if not found.all() else ""
+        trials = num_trials(searches, run.get("summary") or {})
+        nothing = trials - int(np.count_nonzero(found))
+        told = f"{nothing:,} more searches found nothing above their bound." if nothing else ""
         parts.append(
             page.figure(
                 scatter.histogram("scores of loop searches", "score", groups, limit=least),
@@ -123,7 +125,7 @@ def _closures(
                 told,
             )
         )
-        parts.append(page.figure(rejections(searches), "What became of the searches", _REASONS))
+        parts.append(page.figure(rejections(searches, trials), "What became of the searches", _REASONS))
         parts.append(page.figure(rounds(searches), "Rounds of searching") if rounds(searches) else "")
     worst = worst_closures(graph)
     parts.append(
