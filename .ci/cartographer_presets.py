@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Write Cartographer's own tables into configs/*.lua from their declarations: python .ci/cartographer_presets.py"""
+"""Write Cartographer's own tables into configs/*.lua from their declarations: python .ci/parameter_tables.py"""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def render(file: str) -> str:
     lines = [
         "-- SPDX-License-Identifier: MIT",
         f"-- Cartographer's {table} with its defaults, for other files to include.",
-        "-- Written by .ci/cartographer_presets.py from slamcli's declarations.",
+        "-- Written by .ci/parameter_tables.py from slamcli's declarations.",
         "",
     ]
     lines += [f'include "{name}"' for name in includes] + [""] * bool(includes)

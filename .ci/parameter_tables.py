@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Write the parameter tables of docs/configuration.md from their declarations: python .ci/parameter_tables.py"""
+"""Write what follows from the declarations of parameters: python .ci/parameter_tables.py
+
+These are the tables of docs/configuration.md and Cartographer's files in configs/ (cartographer_presets.py).
+"""
 
 from __future__ import annotations
 
 import re
+import runpy
 from pathlib import Path
 
 from slamcli.cli.config import bounds, shown_value
@@ -39,4 +43,5 @@ def _row(entry: Declaration) -> str:
 
 
 if __name__ == "__main__":
+    runpy.run_path(str(Path(__file__).with_name("cartographer_presets.py")), run_name="__main__")
     PAGE.write_text(render(PAGE.read_text()))

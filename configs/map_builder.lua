@@ -1,6 +1,6 @@
 -- SPDX-License-Identifier: MIT
 -- Cartographer's MAP_BUILDER with its defaults, for other files to include.
--- Written by .ci/cartographer_presets.py from slamcli's declarations.
+-- Written by .ci/parameter_tables.py from slamcli's declarations.
 
 include "pose_graph.lua"
 

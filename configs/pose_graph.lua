@@ -1,6 +1,6 @@
 -- SPDX-License-Identifier: MIT
 -- Cartographer's POSE_GRAPH with its defaults, for other files to include.
--- Written by .ci/cartographer_presets.py from slamcli's declarations.
+-- Written by .ci/parameter_tables.py from slamcli's declarations.
 
 POSE_GRAPH = {
   optimize_every_n_nodes = 90,  -- optimise after this many nodes; 0: only at the end

@@ -1,6 +1,6 @@
 -- SPDX-License-Identifier: MIT
 -- Cartographer's TRAJECTORY_BUILDER with its defaults, for other files to include.
--- Written by .ci/cartographer_presets.py from slamcli's declarations.
+-- Written by .ci/parameter_tables.py from slamcli's declarations.
 
 include "trajectory_builder_2d.lua"
 include "trajectory_builder_3d.lua"

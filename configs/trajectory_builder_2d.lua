@@ -1,6 +1,6 @@
 -- SPDX-License-Identifier: MIT
 -- Cartographer's TRAJECTORY_BUILDER_2D with its defaults, for other files to include.
--- Written by .ci/cartographer_presets.py from slamcli's declarations.
+-- Written by .ci/parameter_tables.py from slamcli's declarations.
 
 TRAJECTORY_BUILDER_2D = {
   use_imu_data = true,  -- use the IMU's turning rate and gravity where the recording has an IMU
@@ -85,7 +85,7 @@ TRAJECTORY_BUILDER_2D = {
         maximum_weight = 10.0,  -- weight of a cell at most
         update_free_space = false,  -- also cells before the truncation distance are updated
         normal_estimation_options = {
-          num_normal_samples = 4,  -- neighbours on each side at most
+          num_normal_samples = 4,  -- neighbours at most, half of them on each side
           sample_radius = 0.5,  -- neighbours are not farther than this [m]
         },
         project_sdf_distance_to_scan_normal = true,  -- distance along the surface's normal, not the beam

@@ -1,6 +1,6 @@
 -- SPDX-License-Identifier: MIT
 -- Cartographer's TRAJECTORY_BUILDER_3D with its defaults, for other files to include.
--- Written by .ci/cartographer_presets.py from slamcli's declarations.
+-- Written by .ci/parameter_tables.py from slamcli's declarations.
 
 TRAJECTORY_BUILDER_3D = {
   min_range = 1.0,  -- nearer points are left out [m]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,11 +138,19 @@ class Tier(Protocol):
         """Return a mapper."""
 
 
+class StateDrawing(NamedTuple):
+    """What can be seen in a state."""
+
+    grid: OccupancyGrid
+    cloud: PointCloud | None = None
+    """In the map frame (3D)."""
+
+
 class ResumingTier(Tier, Protocol):
     """A tier that ends with a state and goes on from one (`Tier.resumes`)."""
 
-    def draw(self, parameters: Any, state: MapState, map_frame: str) -> OccupancyGrid:
-        """Return the map that is in a state, as it is: nothing is searched or optimised.
+    def draw(self, parameters: Any, state: MapState, map_frame: str) -> StateDrawing:
+        """Return the map and the points that are in a state, as it is: nothing is searched or optimised.
 
         Raises
         ------

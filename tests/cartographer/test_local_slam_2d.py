@@ -11,11 +11,23 @@ from box_room import drive, motions, seen
 
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
 from slamcli.cartographer.parameters import CeresScanMatcher2d, MotionFilter, Submaps2d, TrajectoryBuilder2d
+from slamcli.cartographer.parameters.trajectory_builder_2d import GridOptions2d, RangeDataInserter2d
 from slamcli.cartographer.range_data import RangeData
 from slamcli.geometry import se2
+from slamcli.grids.tsdf_grid import TsdfGrid
 
 PARAMETERS = TrajectoryBuilder2d(
     submaps=Submaps2d(num_range_data=15), ceres_scan_matcher=CeresScanMatcher2d(occupied_space_weight=10.0)
+)
+
+
+TSDF = TrajectoryBuilder2d(
+    submaps=Submaps2d(
+        num_range_data=15,
+        grid_options_2d=GridOptions2d(grid_type="TSDF"),
+        range_data_inserter=RangeDataInserter2d(range_data_inserter_type="TSDF_INSERTER_2D"),
+    ),
+    ceres_scan_matcher=CeresScanMatcher2d(occupied_space_weight=200.0),  # metres instead of probabilities
 )
 
 
@@ -48,6 +60,16 @@ def test_predictions_that_drift_are_put_right():
     assert scores[5:].min() > 0.5
     assert 0.002 < np.mean([step.shift_m for step in slam.steps[1:]]) < 0.03
     assert len(slam.submaps.all) == (len(slam.nodes) - 1) // 15 + 1
+
+
+def test_signed_distances_put_right_too():
+    stamps, poses = drive(90)
+    slam, found = run(TSDF, stamps, poses, motions(poses, scale=1.1, turn=1.05, bias=0.002), np.random.default_rng(1))
+    distance, turn = errors(found, poses)
+    assert isinstance(slam.submaps.all[0].grid, TsdfGrid)
+    assert distance.max() < 0.12  # the corner and the pillar, seen from both sides, bend the surfaces
+    assert turn.max() < 0.05
+    assert np.array([step.score for step in slam.steps])[5:].min() > 0.7
 
 
 def test_the_window_search_takes_larger_errors():

@@ -4,10 +4,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from box_room import seen
 
-from slamcli.cartographer.parameters import Submaps2d
+from slamcli.cartographer.parameters import Submaps2d, TsdfInserter
+from slamcli.cartographer.parameters.trajectory_builder_2d import GridOptions2d, NormalEstimation, RangeDataInserter2d
 from slamcli.cartographer.submaps_2d import ActiveSubmaps2d
+from slamcli.errors import ConfigError
+from slamcli.grids.probability_grid import ProbabilityGrid
+from slamcli.grids.tsdf_grid import TsdfGrid
 from slamcli.registration.grid_matching import mean_probability
 
 
@@ -55,6 +60,52 @@ def test_a_submap_lies_where_its_first_beams_started():
     np.testing.assert_allclose(submaps.all[0].local_pose, expected, atol=1e-12)
 
 
-def test_the_parameters_reach_the_grid():
-    parameters = Submaps2d(num_range_data=2)
-    assert ActiveSubmaps2d(parameters).insert(0, np.zeros(3), seen(np.zeros(3), 60))[0].grid.resolution_m == 0.05
+def tsdf(**options):
+    return Submaps2d(
+        num_range_data=2,
+        grid_options_2d=GridOptions2d(grid_type="TSDF", resolution=0.1),
+        range_data_inserter=RangeDataInserter2d(
+            range_data_inserter_type="TSDF_INSERTER_2D", tsdf_range_data_inserter=TsdfInserter(**options)
+        ),
+    )
+
+
+def drawn(parameters):
+    return ActiveSubmaps2d(parameters).insert(0, np.zeros(3), seen(np.zeros(3), 60))[0].grid
+
+
+def test_the_parameters_choose_the_grid():
+    assert isinstance(drawn(Submaps2d()), ProbabilityGrid)
+    assert drawn(Submaps2d(grid_options_2d=GridOptions2d(resolution=0.2))).resolution_m == 0.2
+    grid = drawn(tsdf(truncation_distance=0.4, maximum_weight=6.0))
+    assert isinstance(grid, TsdfGrid)
+    assert (grid.resolution_m, grid.truncation_distance_m, grid.max_weight) == (0.1, 0.4, 6.0)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"update_free_space": True},
+        {"project_sdf_distance_to_scan_normal": False},
+        {"update_weight_range_exponent": 1},
+        {"update_weight_angle_scan_normal_to_ray_kernel_bandwidth": 0.0},
+        {"update_weight_distance_cell_to_hit_kernel_bandwidth": 0.1},
+        {"normal_estimation_options": NormalEstimation(num_normal_samples=1)},
+        {"normal_estimation_options": NormalEstimation(sample_radius=0.05)},
+    ],
+    ids=str,
+)
+def test_every_option_of_signed_distances_reaches_the_grid(options):
+    plain, changed = drawn(tsdf()), drawn(tsdf(**options))
+    assert (
+        plain.tsd.shape != changed.tsd.shape
+        or (plain.tsd != changed.tsd).any()
+        or (plain.weights != changed.weights).any()
+    )
+
+
+def test_a_grid_and_an_inserter_that_do_not_go_together_are_refused():
+    with pytest.raises(
+        ConfigError, match="PROBABILITY_GRID_INSERTER_2D does not go with grid_type TSDF: set it to TSDF_INSERTER_2D"
+    ):
+        Submaps2d(grid_options_2d=GridOptions2d(grid_type="TSDF"))

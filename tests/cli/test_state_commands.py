@@ -96,6 +96,23 @@ def test_map_and_trajectory_come_out_of_a_state(capsys: pytest.CaptureFixture[st
     assert read_state("copy.pbstream").trajectories == (0,)
 
 
+def test_the_state_of_a_run_has_its_map_and_mapping_goes_on_from_it() -> None:
+    common = ["map", "--algo", "cartographer", "-q", "--jobs", "1"]
+    assert run([*common, OFFICE, "--duration", "15", "-o", "first"]) == 0
+    assert run([*common, "--load-state", "first/state.pbstream", "-o", "drawn"]) == 0
+    assert Path("first/map.pgm").read_bytes() == Path("drawn/map.pgm").read_bytes()
+    keyframes, drawn = read_tum("first/keyframes.tum"), read_tum("drawn/trajectory.tum")
+    np.testing.assert_array_equal(keyframes.stamps_ns, drawn.stamps_ns)
+    np.testing.assert_allclose(keyframes.poses_se2, drawn.poses_se2, atol=1e-12)
+    arguments = [OFFICE, "--start", "15", "--duration", "15", "--load-frozen-state", "first/state.pbstream"]
+    assert run([*common, *arguments, "-o", "second"]) == 0
+    state, before = read_state("second/state.pbstream"), read_state("first/state.pbstream")
+    assert state.trajectories == (0, 1)
+    for old, new in zip(before.submaps, state.submaps, strict=False):
+        np.testing.assert_allclose(old.T_map_submap, new.T_map_submap, atol=1e-12)
+        np.testing.assert_array_equal(old.grid.cells, new.grid.cells)
+
+
 def test_several_states_are_joined_and_the_same_bytes_come_again() -> None:
     write_state("room.pbstream", a_room())
     arguments = [

@@ -35,7 +35,7 @@ def naive(grids, poses, grid) -> np.ndarray:
                         w = (1 - abs(u - j)) * (1 - abs(v - i))
                         weight += w
                         total += w * math.log(p[i, j] / (1 - p[i, j]))
-        if weight >= 0.5:
+        if weight >= 0.499:
             out[row, column] = 100 if total > 0 else 0 if total < 0 else -1
     return out
 
@@ -89,3 +89,16 @@ def test_nothing_to_draw_or_broken_poses() -> None:
     known = ProbabilityGrid(np.ones((2, 2), np.uint16), 0.05, (0.0, 0.0))
     with pytest.raises(DataError, match="would be"):
         draw_submaps([known, known], np.array([[0.0, 0, 0], [1e6, 1e6, 0]]), 0.05)
+    with pytest.raises(DataError, match="poses are broken"):
+        draw_submaps([known], np.array([[1e300, 0.0, 0.0]]), 0.05)
+
+
+def test_rounding_does_not_decide_where_the_map_begins() -> None:
+    cells = np.full((4, 3), FREE, np.uint16)
+    maps = [
+        draw_submaps([ProbabilityGrid(cells, 0.05, (1.5 + off, 0.35 - off))], np.zeros((1, 3)), 0.05)
+        for off in (0.0, 1e-13, -1e-13)
+    ]
+    for other in maps[1:]:
+        assert other.origin == maps[0].origin
+        np.testing.assert_array_equal(other.cells, maps[0].cells)

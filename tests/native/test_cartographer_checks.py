@@ -220,3 +220,36 @@ def test_what_is_slamclis_own_would_stop_cartographer(tmp_path):
     (finding,) = check_file(path, {"gmapping": (), "cartographer": table})
     assert (finding.severity, finding.line) == ("warning", 1)
     assert finding.message == "POSE_GRAPH.own_way is slamcli's own: Cartographer aborts on it"
+
+
+@pytest.mark.parametrize(
+    ("topic", "options", "text"),
+    [
+        ("scan", {}, ""),
+        ("/scan", {}, ""),
+        ("scan_1", {"num_laser_scans": "2"}, ""),
+        ("map", {}, ""),
+        ("odom", {"use_odometry": "true", "provide_odom_frame": "false"}, ""),
+        ("scan", {"num_laser_scans": "2"}, "num_laser_scans is 2, so that it takes scan_1, scan_2"),
+        ("scan_3", {"num_laser_scans": "2"}, "so that it takes scan_1, scan_2"),
+        ("scan_1", {}, "num_laser_scans is 1, so that it takes scan"),
+        ("points2", {}, "num_point_clouds is 0, so that it takes none"),
+        ("echoes", {"num_multi_echo_laser_scans": "0/0"}, "so that it takes none"),
+        ("echoes", {"num_multi_echo_laser_scans": "-1/0"}, "so that it takes none"),
+        ("points2_7", {"num_point_clouds": "1/0"}, ""),
+        ("odom", {}, "use_odometry is not true"),
+        ("imu", {}, "use_imu_data is not true"),
+        ("fix", {}, "use_nav_sat is not true"),
+    ],
+)
+def test_topics_that_are_remapped_and_not_subscribed_to(tmp_path, topic, options, text):
+    check(tmp_path, **options)
+    path = tmp_path / "x.launch"
+    path.write_text(
+        '<launch>\n<node pkg="cartographer_ros" type="cartographer_node" name="n" '
+        f'args="-configuration_directory {tmp_path} -configuration_basename x.lua">\n'
+        f'<remap from="{topic}" to="/other"/></node></launch>'
+    )
+    found = [message for severity, line, message in findings(path) if severity == "warning" and line == 2]
+    assert len(found) == bool(text)
+    assert all(text in message for message in found), found

@@ -49,7 +49,7 @@ def generator() -> ModuleType:
 
 @pytest.mark.parametrize("name", sorted(generator().FILES))
 def test_the_presets_are_what_the_declarations_say(name):
-    assert generator().render(name) == (CONFIGS / name).read_text(), "run: python .ci/cartographer_presets.py"
+    assert generator().render(name) == (CONFIGS / name).read_text(), "run: python .ci/parameter_tables.py"
 
 
 def test_the_missions_file_has_its_values_and_their_lines():

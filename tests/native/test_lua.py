@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 import random
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -253,3 +255,37 @@ def test_mutated_configurations_are_evaluated_or_refused(tmp_path):
         refused += bool(told)
         assert "\n" not in told
     assert 50 < refused < 150
+
+
+FILL = """
+import sys
+from pathlib import Path
+from slamcli.errors import ConfigError
+from slamcli.native.lua import evaluate
+
+path = Path(sys.argv[1])
+path.with_name("inner.lua").write_text("-- " + "x" * 900_000)
+ends = ("include 'inner.lua'", "return {a = 1, b = 'x' .. 2}", "error(5)", "include 'nowhere.lua'")
+told = [0] * len(ends)
+for blocks in range(6500, 8500, 60):  # of 4 kB
+    for i, end in enumerate(ends):
+        path.write_text(
+            "local s = 'x' for i = 1, 12 do s = s .. s end local t = {} "
+            f"for i = 1, {blocks} do t[i] = s .. i end for i = 1, {blocks % 37} do t['k' .. i] = 'a' .. i end {end}"
+        )
+        try:
+            evaluate(path)
+        except ConfigError as error:
+            told[i] += "32 MB" in str(error)
+print(*told)
+"""
+
+
+def test_memory_may_end_anywhere(tmp_path):
+    """Where Lua jumps out of a call to Python the process hangs or dies: so it must not call."""
+    command = [sys.executable, "-c", FILL, str(tmp_path / "x.lua")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 0, done.stderr
+    told = [int(word) for word in done.stdout.split()]
+    assert len(told) == 4
+    assert all(8 < count < 32 for count in told), told

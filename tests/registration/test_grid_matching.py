@@ -84,7 +84,18 @@ def test_the_normal_equations_are_those_of_the_residuals():
     points, pose = rng.uniform(-0.6, 0.6, (12, 2)), np.array([0.2, 1.1, 0.4])
     hessian, gradient = np.empty((3, 3)), np.empty(3)
     weight = 1.0 / math.sqrt(12)
-    cost = kernels._linearise(grid.cells, cost_table(), *grid.origin, 10.0, points, pose, weight, hessian, gradient)
+    cost = kernels._linearise(
+        grid.cells,
+        np.empty((0, 0), np.uint16),
+        cost_table(),
+        *grid.origin,
+        10.0,
+        points,
+        pose,
+        weight,
+        hessian,
+        gradient,
+    )
     jacobian = np.empty((12, 3))
     for axis in range(3):
         step = np.eye(3)[axis] * 1e-6

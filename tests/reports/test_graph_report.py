@@ -93,11 +93,11 @@ def test_the_drawing_has_a_layer_for_each_switch(graph):
     markup = graph_map(graph, graph_states.occupancy(graph_states.true_poses()))
     labels = [text for text in parse(markup).text if "(" in text or text == "map"]
     assert (
-        f"loop constraints, within 5 cm and 0.5° ({(residual_classes(graph.residuals_m, graph.residuals_rad)[graph.inter] == 0).sum()})"
+        f"loop constraints to 5 cm, 0.5° ({(residual_classes(graph.residuals_m, graph.residuals_rad)[graph.inter] == 0).sum()})"
         in labels
     )
     assert markup.count('type="checkbox"') == markup.count('<g class="l')
-    assert len(re.findall(r'class="outline" d="M[^"]*Z"', markup)) == 12
+    assert len(re.findall(r'class="outline" stroke-opacity="0.60" d="M[^"]*Z"', markup)) == 12
     assert "0, 6" in parse(markup).text
 
 

@@ -8,8 +8,7 @@ from typing import Any
 
 from slamcli.cartographer.inputs import MODES, ROLES, plan_inputs
 from slamcli.cartographer.parameters import CartographerParameters
-from slamcli.grids import OccupancyGrid
-from slamcli.mapper import InputPlan, Mapper, SensorOffer, Setup
+from slamcli.mapper import InputPlan, Mapper, SensorOffer, Setup, StateDrawing
 from slamcli.posegraph import MapState
 from slamcli.runtime import RunLog
 
@@ -34,11 +33,16 @@ class CartographerTier:
         mapper: Mapper = import_module("slamcli.cartographer.mapper").CartographerMapper(parameters, setup)
         return mapper
 
-    def draw(self, parameters: Any, state: MapState, map_frame: str) -> OccupancyGrid:  # noqa: ARG002
-        """Return the map that is in a state."""
+    def draw(self, parameters: Any, state: MapState, map_frame: str) -> StateDrawing:
+        """Return the map and the points that are in a state."""
+        if any(submap.high_resolution is not None for submap in state.submaps):
+            from slamcli.cartographer.state_map_3d import draw_state_3d, state_cloud
+
+            grid = draw_state_3d(parameters.slamcli_3d, state, map_frame)
+            return StateDrawing(grid, state_cloud(state, map_frame))
         from slamcli.posegraph.rendering import draw_state
 
-        return draw_state(state, map_frame)
+        return StateDrawing(draw_state(state, map_frame))
 
 
 TIER = CartographerTier()

@@ -24,6 +24,7 @@ from slamcli.registration.volume_matching import align_with_volumes, mean_probab
 
 AGREEMENT = 0.45
 """Share of a node's points that must agree with the submap's planes, where planes are used."""
+OPEN = "the place is open in one direction"
 NEAR_OFF_M = 1.0
 """How far the estimate may be off for planes to be tried without a search."""
 
@@ -71,7 +72,9 @@ class SubmapMatcher:
         """Return the node's pose in the submap, its mean probability there, and the reason if there is none."""
         cloud = cloud_of(node)
         if self._surfels is not None and not candidate.anywhere:
-            T, agreement = self._by_planes(self._surfels, node, T_submap_node, NEAR_OFF_M)
+            T, agreement, is_open = self._by_planes(self._surfels, node, T_submap_node, NEAR_OFF_M)
+            if is_open and agreement >= AGREEMENT:
+                return None, 0.0, OPEN
             score = mean_probability(cloud.high_points_m, T, self._high)
             if agreement >= AGREEMENT and score >= self._p.pose_graph.constraint_builder.min_score:
                 return T, score, ""
@@ -87,14 +90,16 @@ class SubmapMatcher:
                 cloud.high_points_m, cloud.low_points_m, self._high, self._low, start, start, settings
             )  # fmt: skip
             return T, found.score, ""
-        T, agreement = self._by_planes(self._surfels, node, start, 0.3)
+        T, agreement, is_open = self._by_planes(self._surfels, node, start, 0.3)
+        if is_open:
+            return None, found.score, OPEN
         if agreement < AGREEMENT:
             return None, found.score, f"{agreement:.2f} of the points agree with the submap's planes"
         return T, found.score, ""
 
     def _by_planes(
         self, surfels: SurfelMap, node: Node, T_start: NDArray[np.float64], off_m: float
-    ) -> tuple[NDArray[np.float64], float]:
+    ) -> tuple[NDArray[np.float64], float, bool]:
         p = self._p.slamcli_3d
         aligned = align_with_surfels(
             surfels,
@@ -105,7 +110,7 @@ class SubmapMatcher:
             off_m,
             SurfelMatch(noise_m=p.point_noise),
         )
-        return aligned.T_map_cloud, aligned.agreement * aligned.overlap
+        return aligned.T_map_cloud, aligned.agreement * aligned.overlap, aligned.open_directions > 0
 
     def _by_search(self, cloud: CloudForSearch, T: NDArray[np.float64], anywhere: bool) -> Found3D | str:
         if self._search is None:

@@ -56,6 +56,8 @@ class LocalSlam2d:
 
     def __init__(self, parameters: TrajectoryBuilder2d, pose: NDArray[np.float64]) -> None:
         self._parameters = parameters
+        odometry = parameters.scan_odometry
+        trust = odometry.trust if odometry.enabled else 1.0
         self.pose = pose
         self.submaps = ActiveSubmaps2d(parameters.submaps)
         self.nodes: list[LocalNode] = []
@@ -64,8 +66,8 @@ class LocalSlam2d:
         ceres = parameters.ceres_scan_matcher
         self._match = LeastSquaresMatch(
             occupied_space_weight=ceres.occupied_space_weight,
-            translation_weight=ceres.translation_weight,
-            rotation_weight=ceres.rotation_weight,
+            translation_weight=trust * ceres.translation_weight,
+            rotation_weight=trust * ceres.rotation_weight,
             max_num_iterations=ceres.ceres_solver_options.max_num_iterations,
         )
         window = parameters.real_time_correlative_scan_matcher
@@ -88,6 +90,18 @@ class LocalSlam2d:
         self.steps.append(LocalStep(score, math.hypot(moved[0], moved[1]), abs(moved[2])))
         if len(thinned) > 0 and self._has_moved(stamp_ns):
             self._insert(scan, stamp_ns, RangeData(data.start, thinned, data.misses))
+
+    def restart(self) -> None:
+        """Begin new submaps with the next scan: how the robot came there is too uncertain for one map."""
+        for submap in self.submaps.active:
+            if not submap.finished:
+                self.submaps.finish(submap)
+        self.submaps.active.clear()
+        self._last = None
+
+    def finish(self) -> None:
+        """Finish the submaps that are still open: the recording has ended."""
+        self.restart()
 
     def _matched(self, points: NDArray[np.float64], predicted: NDArray[np.float64]) -> NDArray[np.float64]:
         submap, f = self.submaps.matching, self._parameters.adaptive_voxel_filter

@@ -19,6 +19,7 @@ from slamcli.cartographer.parameters import CartographerParameters
 from slamcli.cartographer.pose_graph_3d import ImuRecord, PoseGraph3D
 from slamcli.cartographer.projection_3d import Projection
 from slamcli.cartographer.sensor_records_3d import ImuLog, fix_record_of, imu_record_of
+from slamcli.cartographer.state_map_3d import planar_grids
 from slamcli.cartographer.submaps_3d import FinishedSubmap
 from slamcli.cartographer.sweep_3d import assemble
 from slamcli.errors import EstimationError
@@ -45,7 +46,8 @@ class Mapper3D:
         self._submaps: list[Submap] = []
         self._imu, self._odometry = ImuLog(setup.base_frame), list[Odometry]()
         self._fixes: list[StampedPose] = []
-        self._projection = Projection(parameters.slamcli_3d)
+        loaded = {} if setup.state is None else planar_grids(parameters.slamcli_3d, setup.state)
+        self._projection = Projection(parameters.slamcli_3d, loaded)
         self._cloud = MapCloud(parameters.slamcli_3d.cloud_voxel_size)
         # By cloud: its stamp, the node it hangs on (-1: the first), and its pose seen from there.
         self._stamps: array[int] = array("q")

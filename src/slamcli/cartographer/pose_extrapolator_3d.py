@@ -14,6 +14,8 @@ from slamcli.measurements import Odometry
 
 LONGEST_COAST_NS = 1_000_000_000
 """A velocity holds no longer than this without a new pose."""
+VELOCITY_GAIN = 0.5
+"""How much of a new velocity is believed: where a corridor leaves its length open, the noise of the last step would go on."""
 
 
 class PoseExtrapolator3D:
@@ -54,7 +56,8 @@ class PoseExtrapolator3D:
         """Take a matched pose; velocities are those between it and the pose before."""
         if self._stamp_ns is not None and stamp_ns > self._stamp_ns:
             dt = (stamp_ns - self._stamp_ns) * 1e-9
-            self._velocity = (T_local_base[:3, 3] - self._T[:3, 3]) / dt
+            velocity = (T_local_base[:3, 3] - self._T[:3, 3]) / dt
+            self._velocity = self._velocity + VELOCITY_GAIN * (velocity - self._velocity)
             self._rate = rotation_vector(self._T[:3, :3].T @ T_local_base[:3, :3]) / dt
         self._stamp_ns, self._T = stamp_ns, T_local_base
 

@@ -29,9 +29,10 @@ FORGET = 0.98
 class Projection:
     """Draws each node into a planar grid of its submap, in the submap's frame."""
 
-    def __init__(self, settings: Extensions3d) -> None:
+    def __init__(self, settings: Extensions3d, loaded: Mapping[Id, ProbabilityGrid] | None = None) -> None:
+        """Begin with the grids of submaps that were loaded."""
         self._settings = settings
-        self._grids: dict[Id, ProbabilityGrid] = {}
+        self._grids: dict[Id, ProbabilityGrid] = dict(loaded or {})
         self._heights = np.zeros(round((HIGHEST_M - LOWEST_M) / LAYER_M))
 
     def add(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from slamcli.cartographer.parameters import Submaps2d
 from slamcli.cartographer.range_data import RangeData
 from slamcli.grids.probability_grid import OddsInserter, ProbabilityGrid
+from slamcli.grids.submap_grid import SubmapGrid
+from slamcli.grids.tsdf_grid import TsdfGrid, TsdfInserter
 
 
 @dataclass(slots=True, eq=False)
@@ -20,7 +23,7 @@ class Submap2d:
     number: int
     local_pose: NDArray[np.float64]
     """float64 (3,)."""
-    grid: ProbabilityGrid
+    grid: SubmapGrid
     num_range_data: int = 0
     finished: bool = False
     nodes: list[int] = field(default_factory=list)
@@ -32,12 +35,7 @@ class ActiveSubmaps2d:
 
     def __init__(self, parameters: Submaps2d) -> None:
         self._parameters = parameters
-        odds = parameters.range_data_inserter.probability_grid_range_data_inserter
-        self._inserter = OddsInserter(
-            hit_probability=odds.hit_probability,
-            miss_probability=odds.miss_probability,
-            insert_free_space=odds.insert_free_space,
-        )
+        self._inserter: Any = _inserter(parameters)  # draws into the grids that `_empty_grid` makes
         self.all: list[Submap2d] = []
         self.active: list[Submap2d] = []
 
@@ -67,10 +65,37 @@ class ActiveSubmaps2d:
     def _begin(self, pose: NDArray[np.float64], data: RangeData) -> None:
         if len(self.active) > 1:
             self.active.pop(0)
-        resolution = self._parameters.grid_options_2d.resolution
         c, s = np.cos(pose[2]), np.sin(pose[2])
         x = float(pose[0] + c * data.start[0] - s * data.start[1])
         y = float(pose[1] + s * data.start[0] + c * data.start[1])
-        submap = Submap2d(len(self.all), np.array([x, y, 0.0]), ProbabilityGrid.empty(resolution, (x, y)))
+        submap = Submap2d(len(self.all), np.array([x, y, 0.0]), _empty_grid(self._parameters, (x, y)))
         self.all.append(submap)
         self.active.append(submap)
+
+
+def _empty_grid(parameters: Submaps2d, centre: tuple[float, float]) -> SubmapGrid:
+    options = parameters.grid_options_2d
+    if options.grid_type == "PROBABILITY_GRID":
+        return ProbabilityGrid.empty(options.resolution, centre)
+    distances = parameters.range_data_inserter.tsdf_range_data_inserter
+    return TsdfGrid.empty(options.resolution, centre, distances.truncation_distance, distances.maximum_weight)
+
+
+def _inserter(parameters: Submaps2d) -> OddsInserter | TsdfInserter:
+    if parameters.grid_options_2d.grid_type == "PROBABILITY_GRID":
+        odds = parameters.range_data_inserter.probability_grid_range_data_inserter
+        return OddsInserter(
+            hit_probability=odds.hit_probability,
+            miss_probability=odds.miss_probability,
+            insert_free_space=odds.insert_free_space,
+        )
+    distances = parameters.range_data_inserter.tsdf_range_data_inserter
+    return TsdfInserter(
+        update_free_space=distances.update_free_space,
+        num_normal_samples=distances.normal_estimation_options.num_normal_samples,
+        sample_radius_m=distances.normal_estimation_options.sample_radius,
+        project_sdf_distance_to_scan_normal=distances.project_sdf_distance_to_scan_normal,
+        update_weight_range_exponent=distances.update_weight_range_exponent,
+        angle_bandwidth_rad=distances.update_weight_angle_scan_normal_to_ray_kernel_bandwidth,
+        distance_bandwidth_m=distances.update_weight_distance_cell_to_hit_kernel_bandwidth,
+    )

@@ -21,9 +21,11 @@ ROOMS = (
     "grids.probability_grid",
     "grids.submap_drawing",
     "grids.surfel_map",
+    "grids.tsdf_grid",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "posegraph.drift",
     "posegraph.imu_integration",
     "posegraph.planar_covariances",
     "posegraph.spatial",
@@ -38,6 +40,7 @@ ROOMS = (
     "simulation.drive",
     "simulation.raycast",
     "simulation.space",
+    "trajectory.attitude",
 )
 
 

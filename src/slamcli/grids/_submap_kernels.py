@@ -8,11 +8,11 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def add_submap(cells, grid_corner, grid_m, log_odds, T_map_local, map_corner, map_m, box, sums, weights):
+def add_submap(cells, grid_corner, grid_m, table, T_map_local, map_corner, map_m, box, sums, weights):
     """Add what a submap (h, w) says of each cell of the map (H, W) within `box` (first row, column, past the last).
 
-    The cell's centre is taken into the submap and the log odds of the four cells around it are weighted bilinearly;
-    unknown cells have no weight.
+    The cell's centre is taken into the submap and what the table says of the stored values of the four cells around it is
+    weighted bilinearly; unknown cells have no weight.
     """
     height, width = cells.shape
     c, s = np.cos(T_map_local[2]), np.sin(T_map_local[2])
@@ -37,5 +37,5 @@ def add_submap(cells, grid_corner, grid_m, log_odds, T_map_local, map_corner, ma
                     if value == 0:
                         continue
                     weight = share * (right if dj == 1 else 1.0 - right)
-                    sums[row, column] += weight * log_odds[value]
+                    sums[row, column] += weight * table[value]
                     weights[row, column] += weight

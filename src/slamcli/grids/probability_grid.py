@@ -10,12 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import DataError
 from slamcli.grids import _probability_kernels as _kernels
-
-_MAX_CELLS = 1 << 26
-"""A submap of 410 x 410 m at 5 cm: a larger one comes from broken ranges or odometry."""
-_MARGIN_CELLS = 64
+from slamcli.grids.growth import corner_around, growth_for, known_part
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,8 +30,7 @@ class ProbabilityGrid:
     @classmethod
     def empty(cls, resolution_m: float, centre: tuple[float, float], size: int = 100) -> ProbabilityGrid:
         """Return an unknown grid of `size` by `size` cells around a point; its corner lies on a multiple of the resolution."""
-        corner = [(round(value / resolution_m) - size // 2) * resolution_m for value in centre]
-        return cls(np.zeros((size, size), np.uint16), resolution_m, (corner[0], corner[1]))
+        return cls(np.zeros((size, size), np.uint16), resolution_m, corner_around(centre, size, resolution_m))
 
     def probabilities(self) -> NDArray[np.float32]:
         """Return float32 (H, W), the probability that a cell is occupied; NaN where unknown."""
@@ -49,33 +44,16 @@ class ProbabilityGrid:
         DataError
             If it would have more than 67 million cells.
         """
-        rows, columns = self.cells.shape
-        a = np.floor((low - self.origin) / self.resolution_m).astype(np.int64) - 1
-        b = np.ceil((high - self.origin) / self.resolution_m).astype(np.int64) + 1
-        if a.min() >= 0 and b[0] < columns and b[1] < rows:
+        growth = growth_for(self.cells.shape, self.origin, self.resolution_m, low, high)
+        if growth is None:
             return self
-        left, below = (-min(int(v) - _MARGIN_CELLS, 0) if v < 0 else 0 for v in a)
-        right = max(int(b[0]) + _MARGIN_CELLS - columns, 0) if b[0] >= columns else 0
-        above = max(int(b[1]) + _MARGIN_CELLS - rows, 0) if b[1] >= rows else 0
-        height, width = rows + below + above, columns + left + right
-        if height * width > _MAX_CELLS:
-            raise DataError(
-                f"a submap would grow to {width * self.resolution_m:.0f} x {height * self.resolution_m:.0f} m: the ranges are broken, or "
-                f"TRAJECTORY_BUILDER_2D.submaps.grid_options_2d.resolution={self.resolution_m:g} is too small"
-            )
-        cells = np.zeros((height, width), np.uint16)
-        cells[below : below + rows, left : left + columns] = self.cells
-        corner = (self.origin[0] - left * self.resolution_m, self.origin[1] - below * self.resolution_m)
-        return ProbabilityGrid(cells, self.resolution_m, corner)
+        corner = growth.origin(self.origin, self.resolution_m)
+        return ProbabilityGrid(growth.array(self.cells), self.resolution_m, corner)
 
     def cropped(self) -> ProbabilityGrid:
         """Return the part that is known; a grid of one unknown cell where nothing is."""
-        rows, columns = np.flatnonzero(self.cells.any(axis=1)), np.flatnonzero(self.cells.any(axis=0))
-        if len(rows) == 0:
-            return ProbabilityGrid(np.zeros((1, 1), np.uint16), self.resolution_m, self.origin)
-        part = self.cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].copy()
-        corner = (self.origin[0] + columns[0] * self.resolution_m, self.origin[1] + rows[0] * self.resolution_m)
-        return ProbabilityGrid(part, self.resolution_m, (float(corner[0]), float(corner[1])))
+        rows, columns, corner = known_part(self.cells, self.origin, self.resolution_m)
+        return ProbabilityGrid(self.cells[rows, columns].copy(), self.resolution_m, corner)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Submaps' probability grids, each at its optimised pose, drawn into one occupancy grid."""
+"""Submaps' grids, each at its optimised pose, drawn into one occupancy grid."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +13,22 @@ from numpy.typing import NDArray
 from slamcli.errors import DataError, EstimationError
 from slamcli.geometry import se2
 from slamcli.grids import _submap_kernels as kernels
+from slamcli.grids.distance_drawing import drawn_distances, trinary_by_distance
 from slamcli.grids.occupancy import OccupancyGrid
 from slamcli.grids.probability_grid import ProbabilityGrid
+from slamcli.grids.submap_grid import SubmapGrid, shown
+from slamcli.grids.tsdf_grid import TsdfGrid
 
 _MAX_CELLS = 400_000_000
-_MIN_WEIGHT = 0.5
-"""A cell is known if at least half a cell of submaps lies under it."""
+_FARTHEST_CELL = 1 << 40
+_MIN_WEIGHT = 0.499
+"""A cell is known if half a cell of submaps lies under it; a hair less, so that rounding does not decide."""
+_HAIR = 1e-6
+"""Of a cell, by which known cells may reach into the next one through rounding."""
 
 
 def draw_submaps(
-    grids: Sequence[ProbabilityGrid],
+    grids: Sequence[SubmapGrid],
     T_map_local: NDArray[np.float64],
     resolution_m: float,
     frame_id: str = "map",
@@ -34,11 +41,13 @@ def draw_submaps(
 
     Where submaps overlap, the means of their log odds count: each submap is an independent estimate of the same cell
     (its scans were matched within it), so one submap that was off by a cell does not smear the walls of the others.
+    Of signed distances the means count for the same reason, cut at two cells.
 
     Parameters
     ----------
     grids
-        Grids in their trajectory's local frame; those without a known cell add nothing.
+        Grids in their trajectory's local frame; those without a known cell add nothing. From signed distances come cells that
+        are occupied on a surface and free in front of it; next to grids of probabilities they are drawn as such.
     T_map_local
         float64 (S, 3), x, y (metres) and yaw of each grid's local frame in the map:
         ``T_map_submap @ inverse(T_local_submap)``.
@@ -47,7 +56,7 @@ def draw_submaps(
     frame_id
         Name of the map's frame.
     occupied_probability, free_probability
-        A cell whose probability is over the first is occupied, under the second free, and unknown between. At 0.51 instead
+        Of grids of probabilities: a cell whose probability is over the first is occupied, under the second free, and unknown between. At 0.51 instead
         of even odds 6 to 8 % of the occupied cells go, beside walls and at the ends of beams, and 1 % of those on walls
         (mit-csail, intel).
     margin_cells
@@ -63,32 +72,44 @@ def draw_submaps(
     poses = np.asarray(T_map_local, dtype=np.float64)
     if poses.shape != (len(grids), 3) or not np.isfinite(poses).all():
         raise DataError(f"drawing submaps: poses are {poses.shape} or not finite, not finite ({len(grids)}, 3)")
-    boxes = [_known_corners(grid, pose) for grid, pose in zip(grids, poses, strict=True)]
+    drawn = grids if all(isinstance(grid, TsdfGrid) for grid in grids) else [shown(grid) for grid in grids]
+    boxes = [_known_corners(grid, pose) for grid, pose in zip(drawn, poses, strict=True)]
     known = [box for box in boxes if box is not None]
     if not known:
         raise EstimationError("the map is empty: no submap has a known cell")
-    first = np.floor(np.min([low for low, _ in known], axis=0) / resolution_m).astype(np.int64) - margin_cells
-    end = np.ceil(np.max([high for _, high in known], axis=0) / resolution_m).astype(np.int64) + margin_cells
-    width, height = (int(n) for n in end - first)
-    if width * height > _MAX_CELLS:
+    low = np.floor(np.min([low for low, _ in known], axis=0) / resolution_m + _HAIR) - margin_cells
+    end = np.ceil(np.max([high for _, high in known], axis=0) / resolution_m - _HAIR) + margin_cells
+    if np.prod(end - low) > _MAX_CELLS or max(np.abs(low).max(), np.abs(end).max()) > _FARTHEST_CELL:
+        width_m, height_m = (end - low) * resolution_m
         raise DataError(
-            f"the map would be {width * resolution_m:.0f} x {height * resolution_m:.0f} m in cells of {resolution_m:g} m: "
+            f"the map would be {width_m:.3g} x {height_m:.3g} m in cells of {resolution_m:g} m: "
             "the submaps' poses are broken, or the resolution is too fine for a place of this size"
         )
+    first = low.astype(np.int64)
+    width, height = (int(n) for n in end - low)
     corner = first * resolution_m
     sums, weights = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
-    table = _log_odds_table()
-    for grid, pose, box in zip(grids, poses, boxes, strict=True):
+    for grid, pose, box in zip(drawn, poses, boxes, strict=True):
         if box is not None:
             (x0, y0), (x1, y1) = (np.asarray(point) / resolution_m - first for point in box)
             rows = max(math.floor(y0) - 1, 0), min(math.ceil(y1) + 1, height)
             columns = max(math.floor(x0) - 1, 0), min(math.ceil(x1) + 1, width)
             window = np.array([rows[0], columns[0], rows[1], columns[1]], np.int64)
+            cells, table = _values(grid, resolution_m)
             kernels.add_submap(
-                grid.cells, np.array(grid.origin), grid.resolution_m, table, pose, corner, resolution_m, window, sums, weights
+                cells, np.array(grid.origin), grid.resolution_m, table, pose, corner, resolution_m, window, sums, weights
             )  # fmt: skip
-    cells = _trinary(sums, weights, occupied_probability, free_probability)
-    return OccupancyGrid(cells, resolution_m, (float(corner[0]), float(corner[1]), 0.0), frame_id)
+    if all(isinstance(grid, TsdfGrid) for grid in drawn):
+        enough = weights >= _MIN_WEIGHT
+        trinary = trinary_by_distance(np.divide(sums, weights, where=enough, out=np.full_like(sums, np.nan)))
+    else:
+        trinary = _trinary(sums, weights, occupied_probability, free_probability)
+    return OccupancyGrid(trinary, resolution_m, (float(corner[0]), float(corner[1]), 0.0), frame_id)
+
+
+def _values(grid: SubmapGrid, cell_m: float) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
+    """Return the cells that are drawn, and what each stored value adds to the mean."""
+    return drawn_distances(grid, cell_m) if isinstance(grid, TsdfGrid) else (grid.cells, _log_odds_table())
 
 
 def _trinary(
@@ -107,6 +128,7 @@ def _log_odds(probability: float) -> float:
     return math.log(probability / (1.0 - probability))
 
 
+@lru_cache(maxsize=1)
 def _log_odds_table() -> NDArray[np.float32]:
     """Return float32 (32768,), the log odds of each stored correspondence cost; 0 for unknown."""
     values = np.arange(1, 32768, dtype=np.uint16).reshape(1, -1)
@@ -115,7 +137,7 @@ def _log_odds_table() -> NDArray[np.float32]:
 
 
 def _known_corners(
-    grid: ProbabilityGrid, T_map_local: NDArray[np.float64]
+    grid: SubmapGrid, T_map_local: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return the least and greatest x, y (metres, map) of a grid's known cells."""
     known = grid.cells != 0

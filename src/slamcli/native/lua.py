@@ -25,10 +25,15 @@ MAX_FILES = 50
 # Runs before any configuration: keeps what it needs for itself, then takes the rest away. A hook counts instructions;
 # without pcall and coroutines nothing can catch or evade it. Functions of string and table that can run for long in
 # C, where no hook is called, go as well (patterns, rep, move, sort by length), and so does what differs between runs.
+#
+# Lua never calls Python: where memory ends Lua jumps out of what it called, and Python would not survive that. To
+# include a file the configuration's coroutine stops, and Python goes on with it when the text is in the box. Only
+# truth values are returned while memory may be short, as they need none.
 _SANDBOX = """
-local fetch, instructions, seconds = ...
-local load, error, type, pairs = load, error, type, pairs
+local box, instructions, seconds = ...
+local load, error, type, pairs, pcall = load, error, type, pairs, pcall
 local sethook, getinfo, clock = debug.sethook, debug.getinfo, os.clock
+local create, resume, yield, status = coroutine.create, coroutine.resume, coroutine.yield, coroutine.status
 local keep = {
   _G = true, _VERSION = true, assert = true, error = true, ipairs = true, next = true, pairs = true, select = true,
   tonumber = true, tostring = true, type = true,
@@ -49,17 +54,11 @@ for name, value in pairs(_G) do
     end
   end
 end
-local globals, used, started = _G, 0, clock()
-local step = 100
-sethook(function()
-  used = used + step
-  if used > instructions or clock() - started > seconds then
-    error("it does not end: more than " .. instructions .. " instructions or " .. seconds .. " s", 2)
-  end
-end, "", step)
-local function run(file, chunk, line)
-  local chunk, text = fetch(file, chunk, line)
-  local compiled, problem = load(text, "=" .. chunk, "t", globals)
+local globals = _G
+local function run()
+  local text, label = box.text, box.label
+  box.text = false
+  local compiled, problem = load(text, "=" .. label, "t", globals)
   if not compiled then error(problem, 0) end
   return compiled()
 end
@@ -73,10 +72,26 @@ function include(...)
   local name, more = ...
   if type(name) ~= "string" or more ~= nil then error("include takes the name of one file", 2) end
   local caller = getinfo(2, "Sl")
-  return run(name, caller and caller.short_src, caller and caller.currentline)
+  box.name, box.label, box.line = name, caller and caller.short_src or "", caller and caller.currentline or 0
+  yield()
+  return run()
 end
-return run
+local thread = create(function() box.fine, box.value = pcall(run) end)
+local used, started = 0, clock()
+local step = 100
+sethook(thread, function()
+  used = used + step
+  if used > instructions or clock() - started > seconds then
+    error("it does not end: more than " .. instructions .. " instructions or " .. seconds .. " s", 2)
+  end
+end, "", step)
+return function()
+  resume(thread)
+  return status(thread) == "suspended"
+end
 """
+_BOX = "return {text = false, label = false, name = false, line = false, fine = false, value = false}"
+_NO_MEMORY = b"not enough memory"
 
 _PLACE = re.compile(r"([0-9]{1,3}):([0-9]{1,9}): (.*)", re.DOTALL)
 
@@ -114,33 +129,34 @@ def evaluate(path: Path, folders: Sequence[Path] = (), names: Sequence[str] = ()
     from lupa import lua54
 
     sources = _Sources(Path(path), folders)
-    sources.first()
     lua = lua54.LuaRuntime(
         encoding=None,
         register_eval=False,
         register_builtins=False,
-        unpack_returned_tuples=True,
         attribute_filter=_no_attributes,
         max_memory=MAX_MEMORY_BYTES,
     )
     same = lua.globals()[b"rawequal"]
-    run = lua.execute(_SANDBOX, sources.fetch, MAX_INSTRUCTIONS, MAX_SECONDS)
-    try:
-        returned = run(None)
-        lua.set_max_memory(2 * MAX_MEMORY_BYTES)  # what is read out needs some as well
-        reader = TableReader(str(path), same, lua54.lua_type)
-        if isinstance(returned, tuple):  # only the first value counts
-            returned = returned[0]
-        return LuaResult(
-            returned=reader.read(returned, "what it returns"),
-            tables={name: reader.read(lua.globals()[name.encode()], name) for name in names},
-            files=tuple(sources.texts),
-        )
-    except MemoryError as error:
-        limit = f"more than {MAX_MEMORY_BYTES // 1_000_000} MB"
-        raise ConfigError(f"{path}: takes {limit}: is this a configuration?") from error
-    except lua54.LuaError as error:
-        raise ConfigError(sources.located(str(error))) from error
+    box = lua.execute(_BOX)
+    advance = lua.execute(_SANDBOX, box, MAX_INSTRUCTIONS, MAX_SECONDS)
+    box[b"label"], box[b"text"] = sources.first()
+    while advance():
+        lua.set_max_memory(2 * MAX_MEMORY_BYTES)  # so that what Python does here never fails
+        box[b"label"], box[b"text"] = sources.fetch(box[b"name"], box[b"label"], box[b"line"])
+        lua.set_max_memory(MAX_MEMORY_BYTES)
+    lua.set_max_memory(2 * MAX_MEMORY_BYTES)
+    value = box[b"value"]
+    if not box[b"fine"]:
+        if value in (False, _NO_MEMORY):
+            limit = f"more than {MAX_MEMORY_BYTES // 1_000_000} MB"
+            raise ConfigError(f"{path}: takes {limit}: is this a configuration?")
+        raise ConfigError(sources.located(value.decode(errors="replace") if isinstance(value, bytes) else ""))
+    reader = TableReader(str(path), same, lua54.lua_type)
+    return LuaResult(
+        returned=reader.read(value, "what it returns"),
+        tables={name: reader.read(lua.globals()[name.encode()], name) for name in names},
+        files=tuple(sources.texts),
+    )
 
 
 def _no_attributes(*_: Any) -> Any:
@@ -156,27 +172,24 @@ class _Sources:
         self._places: dict[Path, str] = {}
         self.texts: list[tuple[str, str]] = []
 
-    def first(self) -> None:
-        """Read the file itself."""
-        self._add(self._path, str(self._path))
+    def first(self) -> tuple[bytes, bytes]:
+        """Return label and text of the file itself."""
+        return self._add(self._path, str(self._path))
 
-    def fetch(self, name: bytes | None, chunk: bytes | None = None, line: int | None = None) -> tuple[bytes, bytes]:
-        """Return the chunk name and the text of a file that Lua includes, at a line of a chunk; None: the first one."""
-        if name is not None:
-            including = self.texts[int(chunk)][0] if chunk is not None and chunk.isdigit() else str(self._path)
-            place = f"{including}:{line}" if line is not None and line > 0 else including
-            self._add(self._find(name, Path(including).parent, place), place)
-        return str(len(self.texts) - 1).encode(), self.texts[-1][1].encode()
+    def fetch(self, name: bytes, label: bytes, line: int) -> tuple[bytes, bytes]:
+        """Return label and text of a file that is included at a line of the file of another label."""
+        including = self.texts[int(label)][0] if label.isdigit() else str(self._path)
+        place = f"{including}:{line}" if line > 0 else including
+        return self._add(self._find(name, Path(including).parent, place), place)
 
     def located(self, message: str) -> str:
-        """Return a message of Lua with the name of the file instead of that of the chunk."""
-        first = message.removeprefix("error loading code: ").partition("\nstack traceback:")[0].strip()
-        match = _PLACE.match(first)
+        """Return a message of Lua with the name of the file instead of its label."""
+        match = _PLACE.match(message)
         if match is None or int(match[1]) >= len(self.texts):
-            return f"{self._path}: {_one_line(first) or 'stopped by an error without a message'}"
+            return f"{self._path}: {_one_line(message) or 'stopped by an error without a message'}"
         return f"{self.texts[int(match[1])][0]}:{match[2]}: {_one_line(match[3])}"
 
-    def _add(self, path: Path, place: str) -> None:
+    def _add(self, path: Path, place: str) -> tuple[bytes, bytes]:
         where = path.resolve()
         if where in self._places:
             raise ConfigError(
@@ -186,6 +199,7 @@ class _Sources:
             raise ConfigError(f"{place}: more than {MAX_FILES} files are included")
         self._places[where] = place
         self.texts.append((str(path), read_text(path)))
+        return str(len(self.texts) - 1).encode(), self.texts[-1][1].encode()
 
     def _find(self, name: bytes, beside: Path, place: str) -> Path:
         text = name.decode(errors="replace")

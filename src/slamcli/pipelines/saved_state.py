@@ -67,14 +67,15 @@ def result_of(
         If there is no node in the state.
     """
     trajectory = state_trajectory(state, frame_id=map_frame, child_frame_id=base_frame)
-    grid = None
+    drawing = None
     with log.stage("draw map"):
         try:
-            grid = find_resuming_tier(algo, "--load-state").draw(parameters, state, map_frame)
+            drawing = find_resuming_tier(algo, "--load-state").draw(parameters, state, map_frame)
         except EstimationError as error:
             log.warn(str(error))
+    grid, cloud = (None, None) if drawing is None else drawing
     return MappingResult(
-        trajectory=trajectory, grid=grid, keyframes=trajectory, state=state, summary=state_summary(state)
+        trajectory=trajectory, grid=grid, cloud=cloud, keyframes=trajectory, state=state, summary=state_summary(state)
     )
 
 

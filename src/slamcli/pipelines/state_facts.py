@@ -151,7 +151,7 @@ def _corners(submap: Submap) -> NDArray[np.float64] | None:
     grid = submap.grid
     if grid is None:
         return None
-    known = (grid.tsd if isinstance(grid, TsdfGrid) else grid.cells) > 0
+    known = grid.cells > 0
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     if not len(rows):
         return None

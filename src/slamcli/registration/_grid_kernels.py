@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Compiled loops that match points with a 2D grid of correspondence costs; see `slamcli.registration.grid_matching`."""
+"""Compiled loops that match points with the 2D grid of a submap; see `slamcli.registration.grid_matching`.
+
+`weights` (H, W) belong to grids of signed distances; for grids of correspondence costs it is empty.
+"""
 
 from __future__ import annotations
 
@@ -67,8 +70,82 @@ def interpolate(cells, table, u, v):
 
 
 @njit(cache=True, nogil=True)
-def _linearise(cells, table, ox, oy, inverse, points, pose, weight, hessian, gradient):
+def interpolate_distance(cells, weights, table, u, v):
+    """Bilinear distance at column u and row v and its derivatives by u, v; then the same of the stored weight.
+
+    Next to an unknown cell the distance is that of `table` for unknown cells, and flat.
+    """
+    j, i = math.floor(u), math.floor(v)
+    t, w = u - j, v - i
+    distance, by_u, by_v, weight, weight_u, weight_v = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    known = True
+    for di in range(2):
+        share_v, slope_v = (w, 1.0) if di == 1 else (1.0 - w, -1.0)
+        for dj in range(2):
+            share_u, slope_u = (t, 1.0) if dj == 1 else (1.0 - t, -1.0)
+            row, column = i + di, j + dj
+            if row < 0 or column < 0 or row >= cells.shape[0] or column >= cells.shape[1] or weights[row, column] < 2:
+                known = False
+                continue
+            value, stored = table[cells[row, column]], weights[row, column] - 1.0
+            distance += share_u * share_v * value
+            by_u += slope_u * share_v * value
+            by_v += share_u * slope_v * value
+            weight += share_u * share_v * stored
+            weight_u += slope_u * share_v * stored
+            weight_v += share_u * slope_v * stored
+    if not known:
+        distance, by_u, by_v = np.float64(table[0]), 0.0, 0.0
+    return distance, by_u, by_v, weight, weight_u, weight_v
+
+
+@njit(cache=True, nogil=True)
+def _linearise_distances(cells, weights, table, ox, oy, inverse, points, pose, scale, hessian, gradient):
+    """Normal equations of the distance term at a pose: residual k is ``scale * N * d_k w_k / (w_1 + ... + w_N)``.
+
+    Returns its cost, half of the squared residuals' sum; infinite where no point lies on a known cell.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    hessian[:] = 0.0
+    gradient[:] = 0.0
+    j, total_j = np.empty(3), np.zeros(3)
+    squares, total = 0.0, 0.0
+    for k in range(points.shape[0]):
+        rx = c * points[k, 0] - s * points[k, 1]
+        ry = s * points[k, 0] + c * points[k, 1]
+        d, du, dv, w, wu, wv = interpolate_distance(
+            cells, weights, table, (pose[0] + rx - ox) * inverse - 0.5, (pose[1] + ry - oy) * inverse - 0.5
+        )
+        r = d * w
+        j[0], j[1] = (du * w + d * wu) * inverse, (dv * w + d * wv) * inverse
+        j[2] = j[1] * rx - j[0] * ry
+        squares += r * r
+        total += w
+        total_j[0] += wu * inverse
+        total_j[1] += wv * inverse
+        total_j[2] += (wv * rx - wu * ry) * inverse
+        for a in range(3):
+            gradient[a] += j[a] * r
+            for b in range(a, 3):
+                hessian[a, b] += j[a] * j[b]
+    if total <= 0.0:
+        return math.inf
+    factor = scale * points.shape[0] / total
+    total_j /= total
+    for a in range(3):  # the derivative of a quotient, its denominator the same for all residuals
+        for b in range(a, 3):
+            hessian[a, b] += squares * total_j[a] * total_j[b] - gradient[a] * total_j[b] - total_j[a] * gradient[b]
+            hessian[a, b] *= factor * factor
+    for a in range(3):
+        gradient[a] = factor * factor * (gradient[a] - squares * total_j[a])
+    return 0.5 * factor * factor * squares
+
+
+@njit(cache=True, nogil=True)
+def _linearise(cells, weights, table, ox, oy, inverse, points, pose, weight, hessian, gradient):
     """Normal equations of the occupied-space term at a pose; returns its cost, a half of the squared residuals' sum."""
+    if weights.size > 0:
+        return _linearise_distances(cells, weights, table, ox, oy, inverse, points, pose, weight, hessian, gradient)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     total = 0.0
     hessian[:] = 0.0
@@ -112,16 +189,23 @@ def _solve3(h, g):
 
 
 @njit(cache=True, nogil=True)
-def match(cells, table, ox, oy, inverse, points, start, prior, occupied, translation, rotation, max_iterations):
-    """Levenberg-Marquardt on the bicubic grid with a pull to `prior`; returns x, y, yaw and the cost of the grid term."""
+def match(
+    cells, weights, table, ox, oy, inverse, points, start, prior, occupied, translation, rotation, max_iterations
+):
+    """Levenberg-Marquardt on the interpolated grid with a pull to `prior`; returns x, y, yaw and the cost of the grid term.
+
+    Where the grid says nothing at the start (an infinite cost), it stays there.
+    """
     weight = occupied / math.sqrt(max(points.shape[0], 1))
     pose = start.copy()
     trial = np.empty(3)
     h, g = np.empty((3, 3)), np.empty(3)
     wt, wr = translation * translation, rotation * rotation
-    grid_cost = _linearise(cells, table, ox, oy, inverse, points, pose, weight, h, g)
+    grid_cost = _linearise(cells, weights, table, ox, oy, inverse, points, pose, weight, h, g)
     dx, dy, da = pose[0] - prior[0], pose[1] - prior[1], pose[2] - prior[2]
     cost = grid_cost + 0.5 * (wt * (dx * dx + dy * dy) + wr * da * da)
+    if cost == math.inf:
+        return pose[0], pose[1], pose[2], cost
     radius = 1e4
     damped, hessian, gradient = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     shrink = 2.0
@@ -140,7 +224,7 @@ def match(cells, table, ox, oy, inverse, points, start, prior, occupied, transla
             sx, sy, sa = _solve3(damped, g)
             trial[0], trial[1], trial[2] = pose[0] + sx, pose[1] + sy, pose[2] + sa
             small = sx * sx + sy * sy < 1e-10 and sa * sa < 1e-10
-            new_grid = _linearise(cells, table, ox, oy, inverse, points, trial, weight, hessian, gradient)
+            new_grid = _linearise(cells, weights, table, ox, oy, inverse, points, trial, weight, hessian, gradient)
             ex, ey, ea = trial[0] - prior[0], trial[1] - prior[1], trial[2] - prior[2]
             new_cost = new_grid + 0.5 * (wt * (ex * ex + ey * ey) + wr * ea * ea)
             if new_cost <= cost:
@@ -175,9 +259,23 @@ def score(cells, probability, ox, oy, inverse, points, x, y, yaw):
 
 
 @njit(cache=True, nogil=True)
+def _weighted(cells, weights, scores, rows, columns, i, j):
+    """Sum of the weighted scores of cells moved by (i, j), and of the weights; 0 and 1 where nothing is known."""
+    total, count = 0.0, 0.0
+    for k in range(rows.shape[0]):
+        row, column = rows[k] + i, columns[k] + j
+        if 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1]:
+            weight = max(weights[row, column] - 1.0, 0.0)
+            total += weight * scores[cells[row, column]]
+            count += weight
+    return (total, count) if count > 0.0 else (0.0, 1.0)
+
+
+@njit(cache=True, nogil=True)
 def best_in_window(
     cells,
-    probability,
+    weights,
+    scores,
     ox,
     oy,
     inverse,
@@ -190,7 +288,10 @@ def best_in_window(
     translation_weight,
     rotation_weight,
 ):
-    """Exhaustive search (real-time correlative matcher): the pose of the best mean probability with a penalty for its distance."""
+    """Exhaustive search (real-time correlative matcher): the pose of the best mean score with a penalty for its distance.
+
+    `scores` is a table by stored value. Where cells have weights they weigh the mean, and a mean without weight is 0.
+    """
     best, bx, by, ba = -1.0, prior[0], prior[1], prior[2]
     n = points.shape[0]
     rows, columns = np.empty(n, np.int64), np.empty(n, np.int64)
@@ -202,11 +303,48 @@ def best_in_window(
             rows[k] = math.floor((prior[1] + s * points[k, 0] + c * points[k, 1] - oy) * inverse)
         for i in range(-linear_cells, linear_cells + 1):
             for j in range(-linear_cells, linear_cells + 1):
-                total = 0.0
-                for k in range(n):
-                    total += _cost(cells, probability, rows[k] + i, columns[k] + j)
+                total, count = 0.0, float(max(n, 1))
+                if weights.size > 0:
+                    total, count = _weighted(cells, weights, scores, rows, columns, i, j)
+                else:
+                    for k in range(n):
+                        total += _cost(cells, scores, rows[k] + i, columns[k] + j)
                 penalty = math.hypot(i * step, j * step) * translation_weight + abs(a * delta_step) * rotation_weight
-                value = total / max(n, 1) * math.exp(-penalty * penalty)
+                value = total / count * math.exp(-penalty * penalty)
                 if value > best:
                     best, bx, by, ba = value, prior[0] + j * step, prior[1] + i * step, yaw
     return bx, by, ba, best
+
+
+@njit(cache=True, nogil=True)
+def spread(cells, probability, ox, oy, inverse, points, pose, half, step, temperature, out):
+    """Mean and covariance of the translation over a window of ``2 * half + 1`` steps of `step` cells about a pose.
+
+    Each offset weighs exp((score - score at the pose) / temperature), at most 1. `out` is float64 (5,): mean x, mean y,
+    covariance xx, xy, yy, in cells.
+    """
+    n = points.shape[0]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    rows, columns = np.empty(n, np.int64), np.empty(n, np.int64)
+    for k in range(n):
+        columns[k] = math.floor((pose[0] + c * points[k, 0] - s * points[k, 1] - ox) * inverse)
+        rows[k] = math.floor((pose[1] + s * points[k, 0] + c * points[k, 1] - oy) * inverse)
+    best = 0.0
+    for k in range(n):
+        best += _cost(cells, probability, rows[k], columns[k])
+    total, mx, my, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(-half, half + 1):
+        for j in range(-half, half + 1):
+            value = 0.0
+            for k in range(n):
+                value += _cost(cells, probability, rows[k] + i * step, columns[k] + j * step)
+            weight = math.exp(min((value - best) / (max(n, 1) * temperature), 0.0))
+            x, y = j * step, i * step
+            total += weight
+            mx += weight * x
+            my += weight * y
+            xx += weight * x * x
+            xy += weight * x * y
+            yy += weight * y * y
+    out[0], out[1] = mx / total, my / total
+    out[2], out[3], out[4] = xx / total, xy / total, yy / total

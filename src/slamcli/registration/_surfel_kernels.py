@@ -95,11 +95,36 @@ def _normal_equations(points, rotation, shift, smallest, levels, keys, rows, pla
 
 
 @njit(cache=True, nogil=True)
+def information_at(points, rotation, shift, smallest, levels, keys, rows, planes, noise_m, scale, loose_m, h):
+    """Fill the information matrix (6, 6) of points at a pose, shift before rotation."""
+    g = np.zeros(6)
+    h[:] = 0.0
+    _normal_equations(
+        points,
+        rotation,
+        shift,
+        smallest,
+        levels,
+        keys,
+        rows,
+        planes,
+        noise_m * noise_m,
+        loose_m * loose_m,
+        scale * scale,
+        h,
+        g,
+    )
+    for u in range(6):
+        for v in range(u):
+            h[u, v] = h[v, u]
+
+
+@njit(cache=True, nogil=True)
 def align(points, rotation, shift, prior_rotation, prior_shift, information, smallest, levels, keys, rows, planes,
           noise_m, scale, loose_m, max_iterations, h):  # fmt: skip
     """Move (`rotation`, `shift`) in place so that points lie on planes; see `slamcli.registration.surfel_matching`.
 
-    `h` becomes the information matrix (6, 6) of the points at the result. Returns matched points, the sum of their
+    `information` (6, 6) is that of the prior: any for the shift, diagonal for the rotation. `h` becomes the information matrix (6, 6) of the points at the result. Returns matched points, the sum of their
     weights between 0 and 1, and the iterations.
     """
     g = np.empty(6)
@@ -118,10 +143,11 @@ def align(points, rotation, shift, prior_rotation, prior_shift, information, sma
         system = h.copy()
         turn = _log(prior_rotation.T @ rotation)
         for d in range(3):
-            system[d, d] += information[d]
-            system[3 + d, 3 + d] += information[3 + d]
-            g[d] -= information[d] * (shift[d] - prior_shift[d])
-            g[3 + d] -= information[3 + d] * turn[d]
+            for e in range(3):
+                system[d, e] += information[d, e]
+                g[d] -= information[d, e] * (shift[e] - prior_shift[e])
+            system[3 + d, 3 + d] += information[3 + d, 3 + d]
+            g[3 + d] -= information[3 + d, 3 + d] * turn[d]
         step = np.linalg.solve(system, g)
         for d in range(3):
             shift[d] += step[d]

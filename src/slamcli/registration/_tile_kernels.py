@@ -15,6 +15,8 @@ from numba import njit
 TILE = 32
 SHIFT = 5
 MASK = 31
+WIDE = 3
+"""Half window, cells, in which the direction of a surface is told."""
 FAR = np.float32(1e6)
 
 
@@ -156,9 +158,43 @@ def sample_likelihoods(cells, tables, corner_x, corner_y, delta, points, directi
             out[p, k] = log_likelihood(view, points, directions, x, y, yaw, window, fullness, free_check, lsigma)
 
 
+@njit(cache=True, nogil=True)
+def _line(view, px, py, fullness, noise2):
+    """How much the mean hits around (px, py) form a line, 0 to 1, and its direction; -1 where there are fewer than three."""
+    cells, table, _, _, delta, inverse = view
+    low_i, low_j = math.floor(py * inverse) - WIDE, math.floor(px * inverse) - WIDE
+    high_i, high_j = low_i + 2 * WIDE, low_j + 2 * WIDE
+    if low_i < 0 or low_j < 0 or high_i >> SHIFT >= table.shape[0] or high_j >> SHIFT >= table.shape[1]:
+        return -1.0, 1.0, 0.0
+    n, sx, sy, sxx, sxy, syy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(low_i, high_i + 1):
+        for j in range(low_j, high_j + 1):
+            tile = np.uint32(table[i >> SHIFT, j >> SHIFT])
+            r, c = np.uint32(i & MASK), np.uint32(j & MASK)
+            if _is_full(cells, tile, r, c, fullness):
+                dx = cells[tile, r, c, 2] + j * delta - px
+                dy = cells[tile, r, c, 3] + i * delta - py
+                n += 1.0
+                sx += dx
+                sy += dy
+                sxx += dx * dx
+                sxy += dx * dy
+                syy += dy * dy
+    if n < 3.0:
+        return -1.0, 1.0, 0.0
+    vxx, vxy, vyy = sxx / n - (sx / n) ** 2 + noise2, sxy / n - sx * sy / (n * n), syy / n - (sy / n) ** 2 + noise2
+    half, gap = 0.5 * (vxx + vyy), math.sqrt(0.25 * (vxx - vyy) ** 2 + vxy * vxy)
+    angle = 0.5 * math.atan2(2.0 * vxy, vxx - vyy)
+    return 2.0 * gap / (half + gap), math.cos(angle), math.sin(angle)
+
+
 @njit(cache=True, nogil=True, inline="always")
-def _surface(view, px, py, window, fullness, noise2):
-    """Mean and inverse covariance of the mean hits around (px, py): count, x, y relative to the point, and ixx ixy iyy."""
+def _surface(view, px, py, window, fullness, noise2, tangent):
+    """Mean and inverse covariance of the mean hits around (px, py): count, x, y relative to the point, and ixx ixy iyy.
+
+    Along the surface, the direction in which hits in a wider window spread most, the information counts by `tangent` only,
+    as far as they form a line; all of it where there are too few to tell.
+    """
     cells, table, _, _, delta, inverse = view
     low_i, low_j = math.floor(py * inverse) - window, math.floor(px * inverse) - window
     high_i, high_j = low_i + 2 * window, low_j + 2 * window
@@ -183,11 +219,20 @@ def _surface(view, px, py, window, fullness, noise2):
     mx, my = sx / n, sy / n
     vxx, vxy, vyy = sxx / n - mx * mx + noise2, sxy / n - mx * my, syy / n - my * my + noise2
     det = vxx * vyy - vxy * vxy
-    return n, mx, my, vyy / det, -vxy / det, vxx / det
+    if tangent == 1.0:
+        return n, mx, my, vyy / det, -vxy / det, vxx / det
+    line, ax, ay = _line(view, px, py, fullness, noise2)
+    if line < 0.0:
+        return n, mx, my, tangent * vyy / det, -tangent * vxy / det, tangent * vxx / det
+    # variances of the small window along and across the direction that the wide one tells
+    along = ax * ax * vxx + 2.0 * ax * ay * vxy + ay * ay * vyy
+    across = ay * ay * vxx - 2.0 * ax * ay * vxy + ax * ax * vyy
+    ia, ic = (1.0 - (1.0 - tangent) * line) / along, 1.0 / across
+    return n, mx, my, ia * ax * ax + ic * ay * ay, (ia - ic) * ax * ay, ia * ay * ay + ic * ax * ax
 
 
 @njit(cache=True, nogil=True)
-def _linearise(view, points, x, y, yaw, window, fullness, noise2, scale, hessian, gradient):
+def _linearise(view, points, x, y, yaw, window, fullness, noise2, scale, tangent, hessian, gradient):
     """Add the points' terms to the normal equations; returns how many found a surface and their summed robust weight."""
     c, s = math.cos(yaw), math.sin(yaw)
     bx, by = x - view[2], y - view[3]
@@ -195,7 +240,7 @@ def _linearise(view, points, x, y, yaw, window, fullness, noise2, scale, hessian
     for k in range(points.shape[0]):
         rx = c * points[k, 0] - s * points[k, 1]
         ry = s * points[k, 0] + c * points[k, 1]
-        n, mx, my, ixx, ixy, iyy = _surface(view, bx + rx, by + ry, window, fullness, noise2)
+        n, mx, my, ixx, ixy, iyy = _surface(view, bx + rx, by + ry, window, fullness, noise2, tangent)
         if n == 0.0:
             continue
         weight = scale / (scale + ixx * mx * mx + 2.0 * ixy * mx * my + iyy * my * my)
@@ -234,16 +279,17 @@ def _solve(hessian, gradient):
 
 
 @njit(cache=True, nogil=True)
-def align(view, points, start, prior, information, window, fullness, noise, scale, max_iterations):
+def align(view, points, start, prior, information, window, fullness, noise, scale, tangent, max_iterations, hessian):
     """Gauss-Newton alignment of points with the surface that the mean hits of neighbouring cells form.
 
     Each point is compared with mean and covariance of the mean hits in its window (a distribution, as in generalised
     ICP); a residual counts by inverse(covariance + noise^2) and a Geman-McClure weight of `scale`. The result is drawn
     to `prior` by `information` (3,), its diagonal. Returns x, y, yaw and the quality: the summed weights before
-    squaring over the number of points, 1 where every point lies on a surface.
+    squaring over the number of points, 1 where every point lies on a surface. `hessian` (3, 3) gets the last normal
+    matrix in its upper triangle, in the map's axes about the pose, with `information`.
     """
     x, y, yaw = start[0], start[1], start[2]
-    hessian, gradient = np.empty((3, 3)), np.empty(3)
+    gradient = np.empty(3)
     quality = 0.0
     for _ in range(max_iterations):
         hessian[:] = 0.0
@@ -252,7 +298,9 @@ def align(view, points, start, prior, information, window, fullness, noise, scal
         gradient[0] = information[0] * (x - prior[0])
         gradient[1] = information[1] * (y - prior[1])
         gradient[2] = information[2] * (yaw - prior[2])
-        _, total = _linearise(view, points, x, y, yaw, window, fullness, noise * noise, scale, hessian, gradient)
+        _, total = _linearise(
+            view, points, x, y, yaw, window, fullness, noise * noise, scale, tangent, hessian, gradient
+        )
         quality = total / max(points.shape[0], 1)
         dx, dy, dyaw = _solve(hessian, gradient)
         x += dx
@@ -271,6 +319,7 @@ def match_particles(cells, tables, corner_x, corner_y, delta, points, directions
 
     A hill climb, then at most `max_alignments` Gauss-Newton steps that draw to the predicted pose by `information` (3,).
     """
+    hessian = np.empty((3, 3))
     for p in range(first, last):
         view = (cells, tables[p], corner_x, corner_y, delta, 1.0 / delta)
         x, y, yaw, score = hill_climb(
@@ -279,7 +328,18 @@ def match_particles(cells, tables, corner_x, corner_y, delta, points, directions
         if max_alignments > 0:
             climbed = np.array([x, y, yaw])
             x, y, yaw, _ = align(
-                view, points, climbed, poses[p], information, window, fullness, noise, scale, max_alignments
+                view,
+                points,
+                climbed,
+                poses[p],
+                information,
+                window,
+                fullness,
+                noise,
+                scale,
+                1.0,
+                max_alignments,
+                hessian,
             )
             score = score_pose(view, points, directions, x, y, yaw, window, fullness, free_check, sigma)
         scores[p] = score

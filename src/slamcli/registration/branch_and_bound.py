@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The best pose of a scan in a large window on a probability grid (Hess et al., ICRA 2016, V-B)."""
+"""The best pose of a scan in a large window on the grid of a submap (Hess et al., ICRA 2016, V-B)."""
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.grids.probability_grid import ProbabilityGrid
+from slamcli.grids.submap_grid import SubmapGrid
 from slamcli.registration import _branch_kernels as _kernels
-from slamcli.registration.grid_matching import angular_step, probability_table
+from slamcli.registration.grid_matching import angular_step, score_table
 
 _LOW, _SPAN = 1.0 - ProbabilityGrid.MAX_COST, ProbabilityGrid.MAX_COST - ProbabilityGrid.MIN_COST
 
@@ -22,11 +22,11 @@ class PrecomputedGrids:
     Takes `depth` bytes a cell; make it when a submap is searched, and drop it afterwards.
     """
 
-    def __init__(self, grid: ProbabilityGrid, depth: int) -> None:
+    def __init__(self, grid: SubmapGrid, depth: int) -> None:
         pad = (1 << (depth - 1)) - 1
         self._levels = np.empty((depth, grid.cells.shape[0] + pad, grid.cells.shape[1] + pad), np.uint8)
         self._grid = grid
-        _kernels.precompute(grid.cells, byte_table(), self._levels)
+        _kernels.precompute(grid.cells, byte_table(grid), self._levels)
 
     def search(
         self,
@@ -43,7 +43,7 @@ class PrecomputedGrids:
         ----------
         points : float64 (N, 2), in the frame whose pose is sought, metres; N >= 1.
         prior : float64 (3,), x, y, yaw in the grid's frame.
-        min_score : mean probability, 0.1 to 0.9.
+        min_score : mean score (`mean_probability`), 0.1 to 0.9.
         """
         resolution = self._grid.resolution_m
         step = angular_step(resolution, float(np.hypot(points[:, 0], points[:, 1]).max()))
@@ -72,10 +72,9 @@ class PrecomputedGrids:
         return self.search(points, middle, linear_m=half, angular_rad=math.pi, min_score=min_score)
 
 
-@lru_cache(maxsize=1)
-def byte_table() -> NDArray[np.uint8]:
-    """Return uint8 (32768,): probability 0.1 to 0.9 as 0 to 255, by stored value."""
-    return np.round((probability_table() - _LOW) / _SPAN * 255.0).clip(0, 255).astype(np.uint8)
+def byte_table(grid: SubmapGrid) -> NDArray[np.uint8]:
+    """Return uint8 (32768,): scores 0.1 to 0.9 as 0 to 255, by stored value."""
+    return np.round((score_table(grid) - _LOW) / _SPAN * 255.0).clip(0, 255).astype(np.uint8)
 
 
 def warm() -> None:

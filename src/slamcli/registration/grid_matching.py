@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Alignment of scans with a probability grid: least squares on the bicubic grid, and exhaustive search in a window."""
+"""Alignment of scans with the grid of a submap: least squares on the interpolated grid, and exhaustive search in a window."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.grids.probability_grid import ProbabilityGrid, cost_of
+from slamcli.grids.submap_grid import SubmapGrid
+from slamcli.grids.tsdf_grid import TsdfGrid
 from slamcli.registration import _grid_kernels as _kernels
+
+_SPREAD_STEP_M, _SPREAD_TEMPERATURE = 0.2, 0.02
+_NO_WEIGHTS = np.empty((0, 0), np.uint16)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,16 +40,18 @@ class CorrelativeMatch:
 
 
 def match_least_squares(
-    grid: ProbabilityGrid,
+    grid: SubmapGrid,
     points: NDArray[np.float64],
     start: NDArray[np.float64],
     prior: NDArray[np.float64],
     settings: LeastSquaresMatch,
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the pose (3,) at which the points lie best on occupied cells, and the cost of the grid term.
+    """Return the pose (3,) at which the points lie best on surfaces, and the cost of the grid term.
 
-    Minimises ``1/2 (w_o^2 / N sum (1 - M(T p_k))^2 + w_t^2 |t - t_prior|^2 + w_r^2 (yaw - yaw_prior)^2)`` by
-    Levenberg-Marquardt from `start`, where M is the bicubic interpolation of the grid's probabilities.
+    Minimises ``1/2 (w_o^2 / N sum r_k^2 + w_t^2 |t - t_prior|^2 + w_r^2 (yaw - yaw_prior)^2)`` by Levenberg-Marquardt from
+    `start`. On a grid of probabilities ``r_k = 1 - M(T p_k)``, where M is their bicubic interpolation. On signed distances
+    ``r_k = N D(T p_k) W(T p_k) / sum_i W(T p_i)``, where D and W are the bilinear interpolations of the distances, metres, and
+    of their weights; where no point lies on a known cell, the start is returned and the cost is infinite.
 
     Parameters
     ----------
@@ -53,36 +60,59 @@ def match_least_squares(
     """
     s = settings
     x, y, yaw, cost = _kernels.match(
-        grid.cells, cost_table(), *grid.origin, 1.0 / grid.resolution_m, points, start, prior,
+        grid.cells, _weights(grid), _residual_table(grid), *grid.origin, 1.0 / grid.resolution_m, points, start, prior,
         s.occupied_space_weight, s.translation_weight, s.rotation_weight, s.max_num_iterations,
     )  # fmt: skip
     return np.array([x, y, yaw]), cost
 
 
 def match_correlative(
-    grid: ProbabilityGrid, points: NDArray[np.float64], prior: NDArray[np.float64], settings: CorrelativeMatch
+    grid: SubmapGrid, points: NDArray[np.float64], prior: NDArray[np.float64], settings: CorrelativeMatch
 ) -> tuple[NDArray[np.float64], float]:
-    """Return the best pose (3,) of a window around the prior, and its score: mean probability times a penalty for the distance.
+    """Return the best pose (3,) of a window around the prior, and its score: mean score times a penalty for the distance.
 
-    The angular step moves the farthest point by one cell. Without points that is the prior, with a score of 0.
+    The mean is that of `mean_probability`; on signed distances, as in Cartographer, it is weighted by the cells' weights, so
+    that unknown cells do not count. The angular step moves the farthest point by one cell. Without points that is the prior, with a score of 0.
     """
     if len(points) == 0:
         return prior.copy(), 0.0
     s = settings
     step = angular_step(grid.resolution_m, float(np.hypot(points[:, 0], points[:, 1]).max()))
     x, y, yaw, best = _kernels.best_in_window(
-        grid.cells, probability_table(), *grid.origin, 1.0 / grid.resolution_m, points, prior,
+        grid.cells, _weights(grid), score_table(grid), *grid.origin, 1.0 / grid.resolution_m, points, prior,
         math.ceil(s.linear_search_window_m / grid.resolution_m), grid.resolution_m,
         math.ceil(s.angular_search_window_rad / step), step, s.translation_delta_cost_weight, s.rotation_delta_cost_weight,
     )  # fmt: skip
     return np.array([x, y, yaw]), best
 
 
-def mean_probability(grid: ProbabilityGrid, points: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
-    """Return the mean probability, 0.1 to 0.9, of the cells in which points (N, 2) fall when seen from `pose` (3,)."""
+def mean_probability(grid: SubmapGrid, points: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
+    """Return the mean score, 0.1 to 0.9, of the cells in which points (N, 2) fall when seen from `pose` (3,).
+
+    That is the probability that a cell is occupied; of signed distances it falls linearly with their size.
+    """
     return float(
-        _kernels.score(grid.cells, probability_table(), *grid.origin, 1.0 / grid.resolution_m, points, *pose.tolist())
+        _kernels.score(grid.cells, score_table(grid), *grid.origin, 1.0 / grid.resolution_m, points, *pose.tolist())
     )
+
+
+def position_spread(
+    grid: SubmapGrid, points: NDArray[np.float64], pose: NDArray[np.float64], window_m: float
+) -> NDArray[np.float64]:
+    """Return the covariance float64 (2, 2), m^2, of the positions about `pose` at which the points fit about as well.
+
+    Positions on a raster of 0.2 m within `window_m` weigh by exp((score - score at the pose) / 0.02): along a corridor,
+    or between doors that look alike, the covariance is large (after Olson, ICRA 2009, on the covariance of a match).
+    """
+    step = max(1, round(_SPREAD_STEP_M / grid.resolution_m))
+    half = max(1, math.ceil(window_m / (step * grid.resolution_m)))
+    moments = np.empty(5)
+    _kernels.spread(
+        grid.cells, score_table(grid), *grid.origin, 1.0 / grid.resolution_m, points, pose, half, step,
+        _SPREAD_TEMPERATURE, moments,
+    )  # fmt: skip
+    xx, xy, yy = moments[2:] * grid.resolution_m**2
+    return np.array([[xx, xy], [xy, yy]])
 
 
 def angular_step(resolution_m: float, farthest_m: float) -> float:
@@ -105,6 +135,25 @@ def probability_table() -> NDArray[np.float32]:
     return (np.float32(1.0) - cost_table()).astype(np.float32)
 
 
+def score_table(grid: SubmapGrid) -> NDArray[np.float32]:
+    """Return float32 (32768,), by stored value how well a point fits into a cell, 0.1 (or unknown) to 0.9."""
+    return _fit_table() if isinstance(grid, TsdfGrid) else probability_table()
+
+
+@lru_cache(maxsize=1)
+def _fit_table() -> NDArray[np.float32]:
+    sizes = np.abs(np.concatenate([[1.0], np.linspace(-1.0, 1.0, 32767)]))
+    return (ProbabilityGrid.MAX_COST - (ProbabilityGrid.MAX_COST - ProbabilityGrid.MIN_COST) * sizes).astype(np.float32)
+
+
+def _residual_table(grid: SubmapGrid) -> NDArray[np.float32]:
+    return grid.distance_table() if isinstance(grid, TsdfGrid) else cost_table()
+
+
+def _weights(grid: SubmapGrid) -> NDArray[np.uint16]:
+    return grid.weights if isinstance(grid, TsdfGrid) else _NO_WEIGHTS
+
+
 def warm() -> None:
     """Compile the kernels of this module with one point."""
     grid = ProbabilityGrid.empty(0.05, (0.0, 0.0), 8)
@@ -112,3 +161,4 @@ def warm() -> None:
     match_least_squares(grid, point, pose, pose, LeastSquaresMatch())
     match_correlative(grid, point, pose, CorrelativeMatch())
     mean_probability(grid, point, pose)
+    position_spread(grid, point, pose, 0.2)

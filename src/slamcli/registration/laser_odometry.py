@@ -5,16 +5,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.geometry import se2
 from slamcli.registration.beams import Beams
 from slamcli.registration.scan_odometry import Pose, ScanOdometry, ScanStep, between
 from slamcli.runtime import RunLog
-from slamcli.trajectory import time_offset
 from slamcli.trajectory.bending import as_pose
+from slamcli.trajectory.time_offset import TimeOffset, estimate
+from slamcli.trajectory.wheel_calibration import WheelCalibration, calibrate
 from slamcli.trajectory.wheel_odometry import WheelOdometry
 
 _TURNING_SCANS = 400
@@ -23,6 +25,7 @@ _TRUSTED_QUALITY = 0.5
 _LONGEST_PERIOD_S = 1.0
 """Time between two scans over which the motion does not tell the velocity during a sweep."""
 _SLIP_SIGMAS = 5.0
+_CALIBRATIONS = 3
 
 BeamsOf = Callable[[int, NDArray[np.float64] | None], Beams]
 """Gives the beams of a scan by its index, moved by the base's velocity (3,) during the sweep (None: as they are)."""
@@ -43,15 +46,35 @@ class LaserOdometry:
     wheels: WheelOdometry | None = None
     yaws: NDArray[np.float64] | None = None
     """float64 (N,), heading by gyroscope, or None."""
+    tangent: float = 1.0
+    """See `ScanOdometry`."""
 
-    def time_offset(self) -> time_offset.TimeOffset:
+    def time_offset(self) -> TimeOffset:
         """Return the wheels' clock offset that the turns seen by the scans tell; hardly trusting the wheels while it is not known."""
+        with self.log.stage("clock offset"):
+            assert self.wheels is not None  # noqa: S101  (callers ask only where there are wheels)
+            return self._offset_of(self.wheels, *self._align(0.0, enough_turns=_TURNING_SCANS))
+
+    def calibrated(self, offset_s: float | None) -> tuple[LaserOdometry, TimeOffset, WheelCalibration]:
+        """Return this with wheels freed of their systematic errors, the clock offset (estimated where None), and the errors."""
         assert self.wheels is not None  # noqa: S101  (callers ask only where there are wheels)
         with self.log.stage("clock offset"):
-            motions, steps = self._align(0.0, enough_turns=_TURNING_SCANS)
-            count = len(steps)
-            trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])[1:]
-            return time_offset.estimate(self.stamps_ns[:count], motions[1:count, 2], trusted, self.wheels)
+            motions, steps = self._align(offset_s or 0.0, enough_turns=_TURNING_SCANS)
+            sigmas = np.array([_sigma_ahead(step) for step in steps])
+            trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])
+            found, offset = WheelCalibration(), TimeOffset(offset_s or 0.0, 0.0, 0.0, 0)
+            for _ in range(_CALIBRATIONS):  # wheels that turn too far seem to lead or lag
+                if offset_s is None:
+                    offset = self._offset_of(found.apply(self.wheels), motions, steps)
+                poses = self.wheels.at(self.stamps_ns[: len(steps)] + round(offset.seconds * 1e9))
+                told = np.vstack([np.zeros((1, 3)), se2.between(poses[:-1], poses[1:])])
+                found = calibrate(told, motions[: len(steps)], sigmas, trusted)
+        return replace(self, wheels=found.apply(self.wheels)), offset, found
+
+    def _offset_of(self, wheels: WheelOdometry, motions: NDArray[np.float64], steps: list[ScanStep]) -> TimeOffset:
+        count = len(steps)
+        trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])[1:]
+        return estimate(self.stamps_ns[:count], motions[1:count, 2], trusted, wheels)
 
     def motions(self, offset_s: float) -> tuple[NDArray[np.float64], list[ScanStep]]:
         """Return the motion (N, 3) that leads to each scan from the one before, and how the scans were aligned."""
@@ -75,7 +98,7 @@ class LaserOdometry:
         """Align scans one after the other, all of them or until the robot has turned during `enough_turns` of them."""
         stamps = self.stamps_ns
         poses = None if self.wheels is None else self.wheels.at(stamps + round(offset_s * 1e9))
-        odometry = ScanOdometry(self.delta_m)
+        odometry = ScanOdometry(self.delta_m, tangent=self.tangent)
         motions, steps = np.zeros((len(stamps), 3)), []
         turns, guess = 0, (0.0, 0.0, 0.0)
         for k in range(len(stamps)):
@@ -114,6 +137,13 @@ class LaserOdometry:
                 f"scans and odometry disagree beyond the motion model at {len(bad)} of {len(steps)} scans, first at {stamp / 1e9:.3f} s "
                 f"(slipping wheels, or clocks that differ); the scans were believed"
             )
+
+
+def _sigma_ahead(step: ScanStep) -> float:
+    """Return how well the points tell the distance ahead, metres; infinite where they were not matched."""
+    if step.information is None:
+        return math.inf
+    return math.sqrt(float(np.linalg.inv(step.information + 1e-6 * np.eye(3))[0, 0]))
 
 
 def tells_sweep(stamps_ns: NDArray[np.int64], sweep_s: float, log: RunLog) -> bool:

@@ -36,6 +36,9 @@ class ScanStep:
     """Distance from the predicted pose in standard deviations of the motion model, rotation or translation."""
     searched: bool
     """Whether the prediction did not match and a wide search was made."""
+    information: NDArray[np.float64] | None = None
+    """float64 (3, 3), what the points alone tell of x, y and yaw, along the axes of the base at this pose; None where
+    they were not matched."""
 
 
 def compose(a: Pose, b: Pose) -> Pose:
@@ -57,17 +60,17 @@ class ScanOdometry:
     Two local maps overlap: scans are matched with the older one, which holds 40 to 80 keyframes, and drawn into both, so
     that there is always a map with a past (as the two active submaps of Hess et al., ICRA 2016). Where a match is poor,
     the heading is searched over 0.6 rad to both sides, with hardly any trust in the prediction: wheels slip, and clocks
-    differ.
+    differ. `tangent` is the share of what points tell along a surface that is believed (`SurfaceAlignment`).
     """
 
-    def __init__(self, delta: float, pose: Pose = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, delta: float, pose: Pose = (0.0, 0.0, 0.0), *, tangent: float = 1.0) -> None:
         self._delta = delta
         self.pose = pose
         self._keyframe: Pose | None = None
         self._maps = [self._new_map()]
         self._ages = [0]
-        self._usual = SurfaceAlignment()
-        self._rough = SurfaceAlignment(window=2, noise_m=0.04)
+        self._usual = SurfaceAlignment(tangent=tangent)
+        self._rough = SurfaceAlignment(window=2, noise_m=0.04, tangent=tangent)
 
     def step(self, beams: Beams, motion: Pose, *, known: bool = True) -> ScanStep:
         """Place the next scan; `motion` is predicted since the last one, by wheels if `known`, else by a guess."""
@@ -82,17 +85,22 @@ class ScanOdometry:
     def _match(self, beams: Beams, predicted: Pose, sigmas: tuple[float, float]) -> ScanStep:
         prior = np.array(predicted)
         information = np.array([sigmas[0] ** -2, sigmas[0] ** -2, sigmas[1] ** -2])
-        align = surface_aligner(self._maps[0], beams.points, self._usual)
+        normal = np.zeros((3, 3))
+        align = surface_aligner(self._maps[0], beams.points, self._usual, normal)
         *pose, quality = align(prior, prior, information)
+        told = normal - np.diag(information)
         searched = quality < _POOR_QUALITY
         if searched:
             *found, found_quality = self._search(beams, predicted, _WIDE_PRIOR * information)
             if found_quality > quality + _CLEAR_GAIN:
                 pose, quality = found, found_quality
+                align(np.array(pose), np.array(pose), information)
+                told = normal - np.diag(information)
         x, y, yaw = pose
         shift = math.hypot(x - predicted[0], y - predicted[1]) / sigmas[0]
         turn = abs(math.remainder(yaw - predicted[2], math.tau)) / sigmas[1]
-        return ScanStep((x, y, math.remainder(yaw, math.tau)), quality, max(shift, turn), searched)
+        wrapped = math.remainder(yaw, math.tau)
+        return ScanStep((x, y, wrapped), quality, max(shift, turn), searched, _about(told, yaw))
 
     def _search(
         self, beams: Beams, predicted: Pose, information: NDArray[np.float64]
@@ -129,6 +137,14 @@ class ScanOdometry:
     def _new_map(self) -> TiledMaps:
         x, y, _ = self.pose
         return TiledMaps(1, self._delta, (x - 20.0, y - 20.0, x + 20.0, y + 20.0))
+
+
+def _about(upper: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
+    """Return a normal matrix (3, 3), given by its upper triangle along the map's axes, along those of the base."""
+    full = np.triu(upper) + np.triu(upper, 1).T
+    c, s = math.cos(yaw), math.sin(yaw)
+    axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return axes.T @ full @ axes
 
 
 def _sigmas(motion: Pose) -> tuple[float, float]:

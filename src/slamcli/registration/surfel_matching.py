@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from slamcli.grids.surfel_map import SurfelMap
 from slamcli.registration import _surfel_kernels as kernels
 
+_JUDGED_M = 0.05
+"""With points so far off at most it is judged which directions are open: with more, what lies far off would count."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurfelMatch:
@@ -21,6 +24,8 @@ class SurfelMatch:
     scale: float = 3.0
     """Distance, in standard deviations, at which a point's weight is a quarter (Geman and McClure)."""
     max_iterations: int = 30
+    open_share: float = 0.008
+    """Directions in which the planes hold less than this share of all they say are left to the prior."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +43,8 @@ class SurfelAlignment:
     information: NDArray[np.float64]
     """float64 (6, 6): of the shift in the map (metres), then of the rotation in the cloud's frame (radians)."""
     iterations: int
+    open_directions: int
+    """Directions of the shift of which the planes say next to nothing, 0 to 3."""
 
 
 def align_with_surfels(
@@ -72,11 +79,16 @@ def align_with_surfels(
     """
     rotation, shift = T_map_start[:3, :3].copy(), T_map_start[:3, 3].copy()
     information = np.zeros((6, 6))
-    weights = np.repeat(1.0 / np.square(np.asarray(prior_sigmas, dtype=np.float64)), 3)
+    view = (surfels.size_m, surfels.levels, surfels.keys, surfels.rows, surfels.planes)
+    kernels.information_at(
+        points_m, rotation, shift, *view, settings.noise_m, settings.scale, min(loose_m, _JUDGED_M), information
+    )
+    prior = np.diag(np.repeat(1.0 / np.square(np.asarray(prior_sigmas, dtype=np.float64)), 3))
+    held = _of_open_directions(information, settings.open_share)
+    prior[:3, :3] += held
     matched, total, iterations = kernels.align(
         points_m, rotation, shift, np.ascontiguousarray(T_map_prior[:3, :3]), np.ascontiguousarray(T_map_prior[:3, 3]),
-        weights, surfels.size_m, surfels.levels, surfels.keys, surfels.rows, surfels.planes,
-        settings.noise_m, settings.scale, loose_m, settings.max_iterations, information,
+        prior, *view, settings.noise_m, settings.scale, loose_m, settings.max_iterations, information,
     )  # fmt: skip
     u, _, vt = np.linalg.svd(rotation)  # rounding must not add up over the iterations
     T = np.eye(4)
@@ -88,7 +100,26 @@ def align_with_surfels(
         overlap=matched / len(points_m) if len(points_m) else 0.0,
         information=information,
         iterations=iterations,
+        open_directions=int(np.linalg.matrix_rank(held)),
     )
+
+
+def _of_open_directions(information: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """Return prior information (3, 3) that keeps the shift along directions of which the planes say next to nothing.
+
+    Of a long corridor the planes' normals, not quite right, still say a little along it, a thousand points of them more than
+    any prior: what is under `share` of the whole is taken for that (cf. Zhang, Kaess, Singh, "On degeneracy of
+    optimization-based state estimation problems", ICRA 2016, doi:10.1109/ICRA.2016.7487211).
+    """
+    total = float(np.trace(information[:3, :3]))
+    if total <= 0.0:
+        return np.zeros((3, 3))
+    turn = information[3:, 3:] + 1e-9 * total * np.eye(3)
+    known = information[:3, :3] - information[:3, 3:] @ np.linalg.solve(turn, information[3:, :3])
+    values, vectors = np.linalg.eigh(0.5 * (known + known.T))
+    unknown = vectors[:, values < share * total]
+    held: NDArray[np.float64] = 1e3 * total * unknown @ unknown.T
+    return held
 
 
 def warm() -> None:

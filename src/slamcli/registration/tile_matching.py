@@ -41,6 +41,8 @@ class SurfaceAlignment:
     """Standard deviation that is added to the spread of the cells: keeps a perfect line from counting without limit."""
     scale: float = 4.0
     """Squared Mahalanobis distance at which a residual's weight is a half (Geman and McClure)."""
+    tangent: float = 1.0
+    """Share of the information along a surface that counts: 1 lets points rest on single cells of a wall, 0 lets them glide."""
     max_iterations: int = 12
 
 
@@ -101,21 +103,33 @@ def sample_likelihoods(maps: TiledMaps, points: NDArray[np.float64], directions:
 
 
 def surface_aligner(
-    maps: TiledMaps, points: NDArray[np.float64], settings: SurfaceAlignment
+    maps: TiledMaps, points: NDArray[np.float64], settings: SurfaceAlignment, hessian: NDArray[np.float64] | None = None
 ) -> Callable[..., tuple[float, float, float, float]]:
     """Return a function ``(start, prior, information) -> (x, y, yaw, quality)`` that aligns `points` with map 0 of `maps`.
 
     `start` and `prior` are poses (x, y, yaw), `information` the diagonal (3,) that draws the result to the prior;
-    `quality` is between 0 and 1, the mean weight of the points.
+    `quality` is between 0 and 1, the mean weight of the points. `hessian` (3, 3) gets the normal matrix of each result in
+    its upper triangle: what points and prior together tell of x, y and yaw, along the map's axes.
     """
     view = (maps.cells, maps.tables[0], *maps.origin, maps.delta, 1.0 / maps.delta)
-    s = settings
+    s, normal = settings, np.zeros((3, 3)) if hessian is None else hessian
 
     def align(
         start: NDArray[np.float64], prior: NDArray[np.float64], information: NDArray[np.float64]
     ) -> tuple[float, float, float, float]:
         return kernels.align(
-            view, points, start, prior, information, s.window, s.fullness, s.noise_m, s.scale, s.max_iterations
+            view,
+            points,
+            start,
+            prior,
+            information,
+            s.window,
+            s.fullness,
+            s.noise_m,
+            s.scale,
+            s.tangent,
+            s.max_iterations,
+            normal,
         )
 
     return align

@@ -15,6 +15,8 @@ from slamcli.reports import scales
 
 LEFT, RIGHT, TOP, BOTTOM = 62, 14, 14, 40
 """Room for labels around the plot, in units of the drawing."""
+ROW = 16
+"""Height of a row of the legend."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +102,29 @@ def _y_ticks(frame: Frame, step: float, least: float) -> list[tuple[float, str]]
     return [(v, scales.number(v)) for v in scales.multiples(frame.y_low, frame.y_high, every)]
 
 
-def legend(entries: Sequence[tuple[str, str]]) -> str:
-    """Return the legend in the first line of a drawing: labels and the classes of their lines."""
-    parts, x = [], LEFT
-    for label, kind in entries:
-        parts.append(
-            f'<path class="line {kind}" d="M{x} 14h16"/><text class="label" x="{x + 21}" y="18">{escape(label)}</text>'
-        )
-        x += 40 + round(8.6 * len(label))
-    return "".join(parts)
+def legend(entries: Sequence[tuple[str, str]], width: int = 720) -> str:
+    """Return the legend above a drawing, in as many rows as it needs: labels and the classes of their lines."""
+    return "".join(
+        f'<path class="line {kind}" d="M{x} {14 + ROW * row}h16"/>'
+        f'<text class="label" x="{x + 21}" y="{18 + ROW * row}">{escape(label)}</text>'
+        for (label, kind), (x, row) in zip(entries, _places(entries, width), strict=True)
+    )
+
+
+def legend_height(entries: Sequence[tuple[str, str]], width: int = 720) -> int:
+    """Return the room that a legend needs, in units of the drawing."""
+    return ROW * (1 + _places(entries, width)[-1][1]) if entries else 0
+
+
+def _places(entries: Sequence[tuple[str, str]], width: int) -> list[tuple[int, int]]:
+    places, x, row = [], LEFT, 0
+    for label, _ in entries:
+        needed = 40 + round(8.6 * len(label))
+        if x + needed > width and x > LEFT:
+            x, row = LEFT, row + 1
+        places.append((x, row))
+        x += needed
+    return places
 
 
 def path(frame: Frame, x: NDArray[np.float64], y: NDArray[np.float64]) -> str:

@@ -26,10 +26,10 @@ _LABEL_WIDTH, _LABEL_HEIGHT, _LABELS_AT_ONE = 40, 16, 4
 _FADE = 0.4
 
 RESIDUAL_CLASSES = (
-    (0.05, 0.5, "within 5 cm and 0.5°"),
-    (0.10, 1.0, "within 10 cm and 1°"),
-    (0.25, 2.5, "within 25 cm and 2.5°"),
-    (np.inf, np.inf, "worse"),
+    (0.05, 0.5, "to 5 cm, 0.5°"),
+    (0.10, 1.0, "to 10 cm, 1°"),
+    (0.25, 2.5, "to 25 cm, 2.5°"),
+    (np.inf, np.inf, "above"),
 )
 """Upper bounds in metres and degrees of the classes that loop constraints are coloured by, and their words."""
 
@@ -106,10 +106,13 @@ def _background(picture: NDArray[np.uint8], place: _Place) -> str:
 def _outlines(graph: GraphArrays, place: _Place) -> _Layer:
     parts = []
     known = np.flatnonzero(np.isfinite(graph.outlines_m).all(axis=(1, 2)))
+    opacity = min(0.6, max(0.15, 8.0 / max(len(known), 1)))  # those of many lie over each other
     for i in known.tolist():
         corners = place(graph.outlines_m[i])
         path = "L".join(f"{x:.1f} {y:.1f}" for x, y in corners)
-        parts.append(f'<path class="outline" d="M{path}Z"><title>submap {escape(graph.submap_names[i])}</title></path>')
+        parts.append(
+            f'<path class="outline" stroke-opacity="{opacity:.2f}" d="M{path}Z"><title>submap {escape(graph.submap_names[i])}</title></path>'
+        )
     parts += [
         f'<text class="name" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="middle">{escape(words)}</text>'
         for x, y, words in _labels(graph, place, known)
@@ -167,10 +170,12 @@ def _closures(graph: GraphArrays, place: _Place) -> list[_Layer]:
         its = np.flatnonzero(drawn & (classes == i))
         if len(its):
             lines = _lines(graph, place, graph.constraint_nodes[its], graph.constraint_submaps[its])
+            # Hundreds of good ones must not hide the map; bad ones stay as they are.
+            opacity = min(0.75, max(0.3, 120.0 / len(its))) if i < len(RESIDUAL_CLASSES) - 1 else 0.9
             layers.append(
                 _Layer(
-                    f"loop constraints, {words} ({len(its):,})",
-                    f'<path class="loop r{i}" d="{lines}"/>',
+                    f"loop constraints {words} ({len(its):,})",
+                    f'<path class="loop r{i}" stroke-opacity="{opacity:.2f}" d="{lines}"/>',
                     key=f"loop r{i}",
                 )
             )

@@ -52,8 +52,14 @@ def graph_sections(
 _MAP_CAPTION = (
     "Switches above show and hide what is drawn. A loop constraint runs from the node to where the robot was in the middle of building "
     "the submap; its colour is the residual, what the optimised poses still disagree with the match by. Few constraints that are worse than their "
-    "neighbours are wrong matches; many along one stretch are drift that the loop could not spread. Where the map is double and no line leads, "
-    "a loop was not found: look at the rejected searches."
+    "neighbours are wrong matches; many along one stretch are drift that the loop could not spread. Along a corridor a match is blind, and large residuals "
+    "in its direction are harmless. Where the map is double and no line leads, a loop was not found: look at the rejected searches."
+)
+
+
+_REASONS = (
+    "score: the best match is worse than min_score; ambiguous: it holds the scan in no direction; no second match agrees: a find in a wide "
+    "window that stands alone; contradicts: the optimised graph pulls it apart."
 )
 
 
@@ -113,7 +119,7 @@ def _closures(
                 told,
             )
         )
-        parts.append(page.figure(rejections(searches), "What became of the searches"))
+        parts.append(page.figure(rejections(searches), "What became of the searches", _REASONS))
         parts.append(page.figure(rounds(searches), "Rounds of searching") if rounds(searches) else "")
     worst = worst_closures(graph)
     parts.append(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -34,9 +34,10 @@ def graph_cards(
     known = graph.residuals_m[graph.inter & np.isfinite(graph.residuals_m)]
     if len(known):
         facts.append((f"{np.median(known) * 100:.1f} cm", "median residual of loop constraints", False))
-    before, after = summary.get("cost_before"), summary.get("cost_after")
+    before, after = summary.get("optimisation_cost_before"), summary.get("optimisation_cost_after")
     if isinstance(before, (int, float)) and isinstance(after, (int, float)):
-        facts.append((f"{before:.4g} → {after:.4g}", "cost of the last optimisation", False))
+        change = f" ({100 * (after / before - 1):+.0f}\N{NO-BREAK SPACE}%)".replace("-", "−") if before > 0 else ""
+        facts.append((f"{after:.3g}{change}", "cost after the last optimisation", False))
     return facts
 
 
@@ -58,7 +59,7 @@ def worst_closures(graph: GraphArrays) -> str:
     rows = []
     for c in loops[np.lexsort((loops, -np.nan_to_num(badness)))][:_WORST].tolist():
         node, submap = int(graph.constraint_nodes[c]), int(graph.constraint_submaps[c])
-        x, y = graph.positions_m[node, :2].tolist()
+        x, y = (np.round(graph.positions_m[node, :2], 1) + 0.0).tolist()  # no "-0.0"
         score = scores.get((node, submap))
         when = f"{graph.trajectories[node]}: " if several else ""
         rows.append((
@@ -80,12 +81,12 @@ def _between(graph: GraphArrays, node: int, submap: int) -> str:
 
 def rejections(searches: Sequence[LoopSearch]) -> str:
     """Return the table of what became of the searches: reasons, how often, and the scores among them."""
-    counts = Counter(search.reason or "rejected" for search in searches if not search.accepted)
+    by_reason: dict[str, list[float]] = {}
+    for search in searches:
+        if not search.accepted:
+            by_reason.setdefault(_kind_of(search.reason), []).append(search.score)
     groups = [("accepted", [s.score for s in searches if s.accepted])]
-    groups += [
-        (reason, [s.score for s in searches if not s.accepted and (s.reason or "rejected") == reason])
-        for reason, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
-    ]
+    groups += sorted(by_reason.items(), key=lambda item: (-len(item[1]), item[0]))
     rows = [
         (what, f"{len(scores):,}", f"{100 * len(scores) / len(searches):.1f} %", *_spread(scores))
         for what, scores in groups
@@ -93,6 +94,11 @@ def rejections(searches: Sequence[LoopSearch]) -> str:
     ]
     columns = ["what became of it", "searches", "share", "median score", "best score"]
     return page.table(columns, rows, numeric=range(1, 5))
+
+
+def _kind_of(reason: str) -> str:
+    """Return a reason without the figures in it, which differ from search to search."""
+    return re.sub(r"\d+(\.\d+)?", "…", reason) or "rejected"
 
 
 def rounds(searches: Sequence[LoopSearch]) -> str:

@@ -37,9 +37,9 @@ code,pre{font:13px/1.5 ui-monospace,monospace}pre{background:var(--card);padding
 .layered:has(.s0:not(:checked)) .l0,.layered:has(.s1:not(:checked)) .l1,.layered:has(.s2:not(:checked)) .l2,.layered:has(.s3:not(:checked)) .l3,.layered:has(.s4:not(:checked)) .l4,.layered:has(.s5:not(:checked)) .l5,.layered:has(.s6:not(:checked)) .l6,.layered:has(.s7:not(:checked)) .l7,.layered:has(.s8:not(:checked)) .l8,.layered:has(.s9:not(:checked)) .l9,.layered:has(.s10:not(:checked)) .l10,.layered:has(.s11:not(:checked)) .l11{display:none}
 .graph path,.key path{fill:none;vector-effect:non-scaling-stroke;stroke-linecap:round;stroke-linejoin:round}.graph text{font-size:calc(11px/var(--k,1))}
 path.track{stroke-width:calc(1.1px/var(--k,1))}.t0{stroke:#1d2129}.t1{stroke:#7a3e9d}.t2{stroke:#00664b}.t3{stroke:#8a5a00}path.alone{stroke:#8c939c;stroke-width:calc(1.2px/var(--k,1));stroke-dasharray:4 3}
-path.nodes{stroke:#1d2129;stroke-width:calc(2.6px/var(--k,1))}path.outline{stroke:#009e73;stroke-opacity:.55;stroke-width:calc(1px/var(--k,1))}path.outline:hover{stroke-opacity:1;stroke-width:calc(3px/var(--k,1))}
+path.nodes{stroke:#1d2129;stroke-width:calc(2.6px/var(--k,1))}path.outline{stroke:#009e73;stroke-width:calc(1px/var(--k,1))}path.outline:hover{stroke-opacity:1;stroke-width:calc(3px/var(--k,1))}
 .graph text.name{fill:#006b4e;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:calc(3px/var(--k,1));stroke-linejoin:round}
-path.loop{stroke-opacity:.75;stroke-width:calc(1.2px/var(--k,1))}.r0{stroke:#56b4e9}.r1{stroke:#0072b2}.r2{stroke:#e69f00}.r3{stroke:#d55e00}path.loop.r3{stroke-width:calc(2px/var(--k,1))}
+path.loop{stroke-width:calc(1.2px/var(--k,1))}.r0{stroke:#56b4e9}.r1{stroke:#0072b2}.r2{stroke:#e69f00}.r3{stroke:#d55e00}path.loop.r3{stroke-width:calc(2px/var(--k,1))}
 path.rejected{stroke:#cc79a7;stroke-opacity:.7;stroke-width:calc(1px/var(--k,1));stroke-dasharray:2 3}
 .thumbs{display:grid;grid-template-columns:repeat(auto-fill,minmax(8.5rem,1fr));gap:.6rem}.thumbs div{font-size:.8rem;color:var(--soft)}.thumbs img{width:100%;height:8rem;object-fit:contain;background:#d0d6de;border-radius:6px;image-rendering:pixelated;display:block}
 .views img{display:block;max-width:100%;max-height:90vh;margin:auto}

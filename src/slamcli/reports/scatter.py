@@ -9,7 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.reports.chart_frame import BOTTOM, LEFT, RIGHT, TOP, Frame, axes, data_range, drawing, legend
+from slamcli.reports.chart_frame import (
+    BOTTOM,
+    LEFT,
+    RIGHT,
+    TOP,
+    Frame,
+    axes,
+    data_range,
+    drawing,
+    legend,
+    legend_height,
+)
 
 _WIDTH, _HEIGHT = 720, 220
 
@@ -35,12 +46,14 @@ def scatter_chart(title: str, x_label: str, y_label: str, points: Sequence[Point
     ys = [np.log10(np.maximum(p.y, lowest)) for p in points]
     x_low, x_high = data_range([p.x for p in points], pad=0.01)
     y_low, y_high = data_range(ys, pad=0.06)
-    frame = Frame(x_low, x_high, y_low, y_high, LEFT, TOP + 16, _WIDTH - RIGHT, _HEIGHT - BOTTOM)
-    parts = [axes(frame, x_label, y_label, log_y=True), legend([(p.label, f"dots {p.kind}") for p in points])]
+    entries = [(p.label, f"dots {p.kind}") for p in points]
+    room = legend_height(entries)
+    frame = Frame(x_low, x_high, y_low, y_high, LEFT, TOP + room, _WIDTH - RIGHT, _HEIGHT + room - BOTTOM)
+    parts = [axes(frame, x_label, y_label, log_y=True), legend(entries)]
     parts += [
         f'<path class="dots {p.kind}" d="{_dots(frame.x(p.x), frame.y(y))}"/>' for p, y in zip(points, ys, strict=True)
     ]
-    return drawing(title, _WIDTH, _HEIGHT, parts)
+    return drawing(title, _WIDTH, _HEIGHT + room, parts)
 
 
 def histogram(

@@ -29,9 +29,35 @@ class _Known:
     """Name in the legend."""
     empty_first: bool = False
     """Whether the first step has no value (there is no map yet to match with)."""
+    factor: float = 1.0
+    """What values are multiplied with to be in `unit`."""
 
 
 _KNOWN = {
+    "score": _Known(
+        "Score of local SLAM",
+        "0 to 1",
+        "How well each scan fits what it is matched with: the mean probability of the cells below its points, with planes the share of its points that agree. It "
+        "falls when a new submap begins; a drop elsewhere is a place where the scan fits badly: people, glass, or a pose that is wrong.",
+        empty_first=True,
+    ),
+    "shift_m": _Known(
+        "Shift by the match",
+        "mm",
+        "How far the match moved each scan from its prediction; peaks are predictions that failed.",
+        factor=1e3,
+        empty_first=True,
+    ),
+    "turn_rad": _Known("Turn by the match", "°", "Likewise its heading.", factor=180.0 / np.pi, empty_first=True),
+    "scan_odometry_quality": _Known(
+        "Quality of the scan odometry",
+        "share of points",
+        "Share of each scan's points that lie on a surface that the scans before it saw.",
+        empty_first=True,
+    ),
+    "points": _Known(
+        "Points of each scan", "points", "After the voxel filter; few points are a sensor that sees little."
+    ),
     "neff": _Known(
         "Effective number of particles",
         "particles",
@@ -61,7 +87,7 @@ _KNOWN = {
     ),
 }
 _BESIDE = {"num_particles": "number of particles", "resampled": "resampling"}
-_HIDDEN = ("stamp_ns", "resampled", "num_particles")
+_HIDDEN = ("stamp_ns", "resampled", "num_particles", "inserted", "node")
 
 
 def figures(steps: Mapping[str, NDArray[Any]], began_ns: int | None = None) -> list[str]:
@@ -134,6 +160,7 @@ def _figure(
     known = _KNOWN.get(name, _Known(name.replace("_", " "), "", ""))
     if known.empty_first and y[0] == 0:
         y = np.concatenate([[np.nan], y[1:]])
+    y = y * known.factor
     series = [svg.Series(label=known.label or name.replace("_", " "), x=x, y=y)]
     beside = steps.get(known.beside)
     if beside is not None and beside.shape == x.shape:

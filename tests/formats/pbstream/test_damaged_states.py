@@ -15,6 +15,7 @@ from slamcli.formats.pbstream import schema
 from slamcli.formats.pbstream.container import MAGIC, write_message
 from slamcli.formats.pbstream.reading import read_state
 from slamcli.formats.pbstream.writing import write_state
+from slamcli.runtime import RunLog
 
 
 def file_of(path: Path, *messages: Any) -> Path:
@@ -49,6 +50,15 @@ def test_versions(tmp_path: Path) -> None:
     graph = schema.Data()
     graph.pose_graph.SetInParent()
     assert read_state(file_of(path, schema.Header(format_version=1), graph)).nodes == ()
+    spatial = schema.Data()
+    spatial.submap.submap_3d.local_pose.rotation.w = 1.0
+    with_pose = schema.Data()
+    with_pose.pose_graph.trajectory.add().submap.add().pose.rotation.w = 1.0
+    log = RunLog()
+    assert len(read_state(file_of(path, schema.Header(format_version=1), with_pose, spatial), log=log).submaps) == 1
+    assert log.warnings == [
+        f"{path}: of version 1, whose 3D submaps have no rotational histogram: no loop closures are found in them"
+    ]
     refuse(file_of(path, schema.Header(format_version=3), graph), "format version 3; versions 1 and 2")
     legacy = schema.PoseGraph()
     legacy.trajectory.add(trajectory_id=0)

@@ -44,7 +44,9 @@ class NodeOptions:
     num_laser_scans: int = _optional("topics of 2D scans (scan, or scan_1, scan_2 ...); auto: as recorded", int)
     num_multi_echo_laser_scans: int = _optional("topics of multi-echo scans (echoes ...); auto: as recorded", int)
     num_subdivisions_per_laser_scan: int = count(
-        1, "parts into which a scan is cut, each placed at its own time; here every beam has its own", 1
+        1,
+        "parts of a scan; num_accumulated_range_data counts them. Here every beam has its own time, and scans stay whole",
+        1,
     )
     num_point_clouds: int = _optional("topics of point clouds (points2, or points2_1 ...); auto: as recorded", int)
     lookup_transform_timeout_sec: float = parameter(

@@ -99,6 +99,26 @@ class OptimizationProblem:
     ceres_solver_options: CeresSolverOptions = group(CeresSolverOptions(max_num_iterations=50, num_threads=7))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchSearch:
+    """Search for loops when the whole recording is known; slamcli's own."""
+
+    enabled: bool = parameter(
+        True,
+        "search all pairs within the drift between them, optimise, and again until nothing is added; false: as the original, "
+        "each new node and submap once, with optimize_every_n_nodes, sampling_ratio and whole windows",
+        extension=True,
+    )
+    drift_translation: float = parameter(
+        0.05, "standard deviation of local SLAM's position after one metre", unit="m/sqrt(m)", minimum=1e-4, maximum=10.0,
+        extension=True,
+    )  # fmt: skip
+    drift_rotation: float = parameter(
+        math.radians(0.15), "standard deviation of local SLAM's heading after one metre", unit="rad/sqrt(m)", minimum=1e-6,
+        maximum=1.0, extension=True,
+    )  # fmt: skip
+
+
 _TRIMMER = "auto: no trimming; giving any key of this table turns it on"
 
 
@@ -157,3 +177,4 @@ class PoseGraph:
         maximum=1e9,
     )
     overlapping_submaps_trimmer_2d: OverlappingSubmapsTrimmer2d = group(OverlappingSubmapsTrimmer2d())
+    batch_search: BatchSearch = group(BatchSearch())

@@ -54,7 +54,7 @@ class ProbabilityGridInserter:
 class NormalEstimation:
     """Normals of a scan's surface."""
 
-    num_normal_samples: int = count(4, "neighbours on each side at most", 1)
+    num_normal_samples: int = count(4, "neighbours at most, half of them on each side", 1)
     sample_radius: float = length(0.5, "neighbours are not farther than this", 1e-3)
 
 
@@ -113,6 +113,30 @@ class Submaps2d:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ScanOdometry2d:
+    """Motion between scans before local SLAM, from scans, wheels and gyroscope together; slamcli's own."""
+
+    enabled: bool = parameter(
+        True, "predict by aligning each scan with the recent past; false: by odometry, else at constant velocity",
+        extension=True,
+    )  # fmt: skip
+    trust: float = parameter(
+        10.0, "factor of the scan matcher's pull to this prediction, which is better than an extrapolated one",
+        minimum=0.0, maximum=1e6, extension=True,
+    )  # fmt: skip
+    time_offset: str = parameter(
+        "auto", "seconds added to a scan's stamp before the odometry is looked up; auto: from the turns that both saw",
+        unit="s", choices=("auto", "NUMBER"), extension=True,
+    )  # fmt: skip
+    calibrate: bool = parameter(
+        True, "free the odometry of wrong wheel diameters and wheel base, as the scans tell them", extension=True
+    )
+    deskew: bool = parameter(
+        True, "put beams to where they were when they were measured, by their times", extension=True
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrajectoryBuilder2d:
     """``TRAJECTORY_BUILDER_2D``."""
 
@@ -150,3 +174,5 @@ class TrajectoryBuilder2d:
             raise ConfigError("TRAJECTORY_BUILDER_2D: min_range must be below max_range")
         if self.min_z > self.max_z:
             raise ConfigError("TRAJECTORY_BUILDER_2D: min_z must not be above max_z")
+
+    scan_odometry: ScanOdometry2d = group(ScanOdometry2d())

@@ -70,7 +70,7 @@ def _turned(values: NDArray[np.uint16], shape: tuple[int, int], what: str) -> ND
 
 def fill_grid(message: Any, grid: ProbabilityGrid | TsdfGrid) -> None:
     """Write the grid of a 2D submap into a Grid2 message."""
-    values = grid.cells if isinstance(grid, ProbabilityGrid) else grid.tsd
+    values = grid.cells
     height, width = values.shape
     limits = message.limits
     limits.resolution = grid.resolution_m

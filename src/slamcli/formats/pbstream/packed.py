@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from slamcli.errors import FormatError
 
@@ -40,6 +40,11 @@ def unpack(data: bytes, what: str) -> NDArray[np.int64]:
 
 def pack(numbers: NDArray[np.integer]) -> bytes:
     """Return numbers (N,) as a packed field of type int32; negative ones take ten bytes, as protobuf has it."""
+    return b"".join(pack_parts(numbers, []))
+
+
+def pack_parts(numbers: NDArray[np.integer], cuts: ArrayLike) -> list[bytes]:
+    """Return numbers (N,) as one packed field of type int32 for each part between `cuts`, increasing places from 0 to N."""
     values: NDArray[np.unsignedinteger] = np.asarray(numbers).astype(np.int64).view(np.uint64)
     if len(values) and values.max() < 1 << 28:
         values = values.astype(np.uint32)  # half the time
@@ -52,7 +57,9 @@ def pack(numbers: NDArray[np.integer]) -> bytes:
     for k in range(longest):
         octets[:, k] = (values >> values.dtype.type(7 * k)).astype(np.uint8) & 0x7F
         octets[:, k] |= (lengths > k + 1).astype(np.uint8) << 7
-    return octets[np.arange(longest) < lengths[:, None]].tobytes()
+    data = octets[np.arange(longest) < lengths[:, None]].tobytes()
+    ends = np.concatenate([[0], np.cumsum(lengths)])[np.asarray(cuts, np.int64)].tolist()
+    return [data[i:j] for i, j in zip([0, *ends], [*ends, len(data)], strict=True)]
 
 
 def unpack_zigzag(data: bytes, what: str) -> NDArray[np.int64]:

@@ -11,6 +11,8 @@ Cartographer, ``sensor/compressed_point_cloud``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,17 +64,21 @@ def _blocks(numbers: NDArray[np.int64], what: str) -> NDArray[np.int64]:
     return np.array(starts, np.int64)
 
 
-def encode(points_m: NDArray[np.float32]) -> tuple[int, bytes]:
-    """Return the number of points and the packed blocks of a cloud (N, 3), metres, rounded to millimetres.
+def encode(clouds_m: Sequence[NDArray[np.float32]]) -> list[tuple[int, bytes]]:
+    """Return the number of points and the packed blocks of each cloud (N, 3), metres, rounded to millimetres.
 
-    Blocks come in the order in which the points first touch them, so what was read is written as it was.
+    Blocks come in the order in which the points first touch them, so what was read is written as it was. All clouds are
+    encoded at once: most are small.
 
     Raises
     ------
     DataError
         If a point is not finite or 8.3 km away or more.
     """
-    points = np.asarray(points_m, np.float64).reshape(-1, 3)
+    sizes = np.array([len(cloud) for cloud in clouds_m], np.int64)
+    if not sizes.sum():
+        return [(0, b"")] * len(clouds_m)
+    points = np.concatenate([np.asarray(cloud, np.float64).reshape(-1, 3) for cloud in clouds_m])
     # Divided in double precision: half a millimetre is less than what single precision keeps beyond 4 km.
     steps = points / np.float64(_STEP_M)
     if not (np.abs(steps) < _FARTHEST - 0.5).all():
@@ -82,22 +88,27 @@ def encode(points_m: NDArray[np.float32]) -> tuple[int, bytes]:
     whole = np.where(steps < 0, np.ceil(steps - 0.5), np.floor(steps + 0.5)).astype(np.int64)
     block, inner = whole >> _BITS, whole & _MASK
     codes = (((inner[:, 2] << _BITS) + inner[:, 1]) << _BITS) + inner[:, 0]
-    x, y, z = (block + (_FARTHEST >> _BITS)).T  # 14 bits each
-    key = (((x << 14) + y) << 14) + z
-    _, first, which = np.unique(key, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    number = rank[which]
-    order = np.argsort(number, kind="stable")
+    number, first = _blocks_of(block, np.repeat(np.arange(len(sizes)), sizes))
     counts = np.bincount(number, minlength=len(first))
     out = np.empty(len(points) + _HEADER * len(first), np.int64)
     starts = np.cumsum(counts + _HEADER) - counts - _HEADER
-    corners = block[np.sort(first)]
     out[starts] = counts
     is_point = np.ones(len(out), np.bool_)
     is_point[starts] = False
     for axis in range(3):
-        out[starts + 1 + axis] = corners[:, axis]
+        out[starts + 1 + axis] = block[first, axis]
         is_point[starts + 1 + axis] = False
-    out[is_point] = codes[order]
-    return len(points), packed.pack(out)
+    out[is_point] = codes[np.argsort(number, kind="stable")]
+    before = np.searchsorted(first, np.cumsum(sizes)[:-1])  # blocks of the clouds before each
+    cuts = np.cumsum(sizes)[:-1] + _HEADER * before
+    return list(zip(sizes.tolist(), packed.pack_parts(out, cuts), strict=True))
+
+
+def _blocks_of(block: NDArray[np.int64], cloud: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return for each point the number of its cloud's block, in the order of their first points, and those points."""
+    x, y, z = (block + (_FARTHEST >> _BITS)).T  # 14 bits each
+    key = (((((cloud << 14) + x) << 14) + y) << 14) + z
+    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[which], np.sort(first)

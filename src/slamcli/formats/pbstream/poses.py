@@ -103,7 +103,9 @@ def _quaternions_from(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     quats = quaternion.from_matrix(rotations)
     for reach in _REACHES:
         left = np.flatnonzero((quaternion.to_matrix(quats) != rotations).any(axis=(1, 2)))
-        steps = np.array(list(itertools.product(range(-reach, reach + 1), repeat=4)), np.float64)
+        tries = range(-reach, reach + 1)
+        planar = (0,) if not quats[left, :2].any() else tries
+        steps = np.array(list(itertools.product(planar, planar, tries, tries)), np.float64)
         chunk = max(1, _CANDIDATES // len(steps))
         for chosen in (left[i : i + chunk] for i in range(0, len(left), chunk)):
             base = quats[chosen][:, None]

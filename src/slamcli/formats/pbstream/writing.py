@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slamcli.formats.pbstream import grids, points, schema
 from slamcli.formats.pbstream.container import MAGIC, write_message
@@ -19,6 +18,7 @@ from slamcli.posegraph import MapState, Node, Submap
 
 _VERSION = 2
 _TAGS = {"intra": 0, "inter": 1}
+_NO_POINTS = np.zeros((0, 3), np.float32)
 
 
 def write_state(path: str | os.PathLike[str], state: MapState) -> None:
@@ -57,7 +57,9 @@ def _messages(state: MapState) -> Iterator[Any]:
     local = numbers_from((submap.T_local_submap for submap in submaps), "local submap")
     yield from (_submap(submap, pose, is_3d) for submap, pose in zip(submaps, local, strict=True))
     local = numbers_from((node.T_local_node for node in nodes), "local node")
-    yield from map(_node, nodes, local)
+    clouds = points.encode([node.points_m for node in nodes])
+    coarse = points.encode([_NO_POINTS if (p := node.low_resolution_points_m) is None else p for node in nodes])
+    yield from map(_node, nodes, local, clouds, coarse)
     yield from sensor_messages(state)
 
 
@@ -107,7 +109,9 @@ def _submap(submap: Submap, local_pose: Sequence[float], is_3d: bool) -> Any:
     return data
 
 
-def _node(node: Node, local_pose: Sequence[float]) -> Any:
+def _node(
+    node: Node, local_pose: Sequence[float], points_m: tuple[int, bytes], low_resolution_points_m: tuple[int, bytes]
+) -> Any:
     data = schema.Data()
     _fill_id(data.node.node_id, node.id)
     message = data.node.node_data
@@ -120,13 +124,9 @@ def _node(node: Node, local_pose: Sequence[float]) -> Any:
     for cloud in (flat, high, low):
         cloud.SetInParent()
     is_3d = node.low_resolution_points_m is not None or node.rotational_histogram is not None
-    _fill_points(high if is_3d else flat, node.points_m)
-    if node.low_resolution_points_m is not None:
-        _fill_points(low, node.low_resolution_points_m)
+    cloud = high if is_3d else flat
+    cloud.num_points, cloud.point_data = points_m
+    low.num_points, low.point_data = low_resolution_points_m
     if node.rotational_histogram is not None:
         message.rotational_scan_matcher_histogram.extend(node.rotational_histogram.tolist())
     return data
-
-
-def _fill_points(message: Any, points_m: NDArray[np.float32]) -> None:
-    message.num_points, message.point_data = points.encode(points_m)

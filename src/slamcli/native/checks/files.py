@@ -10,6 +10,7 @@ from slamcli.errors import ConfigError
 from slamcli.native.cartographer_launch import find_configuration
 from slamcli.native.cartographer_lua import read_cartographer_lua
 from slamcli.native.checks.cartographer import check_cartographer
+from slamcli.native.checks.cartographer_topics import check_topics
 from slamcli.native.checks.costmap import check_costmap
 from slamcli.native.checks.findings import ERROR, NOTE, Finding, at, below, check_declared
 from slamcli.native.checks.gmapping import check_gmapping
@@ -110,6 +111,7 @@ def _check_cartographer_node(node: LaunchNode, tables: Tables) -> Iterator[Findi
     for note in found.notes:
         yield Finding(NOTE, node.file, node.line, note.partition(": ")[2])
     file = read_cartographer_lua(found.path, (*found.folders, *shipped_folders()))
+    yield from check_topics(node, file)
     yield from check_cartographer(file, tables["cartographer"])
 
 

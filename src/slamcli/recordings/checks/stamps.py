@@ -24,7 +24,7 @@ _DELAY_WARNING_S = 0.1
 _DELAY_ERROR_S = 0.5
 _CLOCK_OFFSET_S = 0.1
 _LONGEST_SWEEP_S = 0.25
-_TURNING_OFFSET_S = 0.03
+_TURNING_OFFSET_S = 0.05
 _BACKWARD_SHARE = 0.01
 _ABSURD_NS = 10**9 * 86400 * 30
 
@@ -230,6 +230,6 @@ def turning(evidence: Evidence) -> Iterator[Finding]:
             message=f"scans show turns about {abs(found.seconds):.2f} s {late} {told.odometry} does, by {found.num_scans} turns "
             f"(they then agree within {np.degrees(found.error_after_rad):.2f}° instead of {np.degrees(found.error_before_rad):.2f}°): "
             "the clocks differ, or stamps are set late; mapping estimates this better and corrects it by itself",
-            stamp_ns=int(seen.stamps_ns[0]),
+            stamp_ns=int(evidence.surveys[name].stamps_ns[0]),
             mend=f"--time-offset {mended}={offset:.2f}",
         )

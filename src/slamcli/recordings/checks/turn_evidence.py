@@ -30,6 +30,7 @@ _MIN_BEAMS = 30
 _MARGIN_BEAMS = 5
 _CLEAR = 0.6
 _MAX_SCANNERS = 4
+_LONGEST_SWEEP_S = 0.25
 _MIN_POSES = 10
 _BACKWARD_SHARE = 0.01
 
@@ -39,7 +40,7 @@ class TurnEvidence:
     """Turns between the scans of one topic."""
 
     stamps_ns: NDArray[np.int64]
-    """int64 (N,), of the scans."""
+    """int64 (N,), of the middle of each scan's sweep."""
     turns_rad: NDArray[np.float64]
     """float64 (N - 1,), from each scan to the next; 0 where the odometry knows of no turn nearby."""
     trusted: NDArray[np.bool_]
@@ -136,7 +137,7 @@ def measure_turns(scans: Iterable[LaserScan], wheels: WheelOdometry, *, mirrored
             turns.append(0.0 if turn is None else turn[0])
             trusted.append(turn is not None and turn[1])
             found += trusted[-1] and abs(turns[-1]) > _TURNING_RAD
-        stamps.append(after.stamp_ns)
+        stamps.append(after.stamp_ns + _half_sweep_ns(after))
         before = after
         if found >= ENOUGH:
             break
@@ -152,6 +153,11 @@ def _upright(scan: LaserScan, *, mirrored: bool) -> LaserScan | None:
         return turn_counter_clockwise(scan, mirrored=mirrored)
     except DataError:
         return None
+
+
+def _half_sweep_ns(scan: LaserScan) -> int:
+    sweep_s = abs(scan.time_increment_s) * (scan.num_beams - 1)
+    return round(0.5e9 * sweep_s) if sweep_s < _LONGEST_SWEEP_S else 0
 
 
 def _largest_turn(wheels: WheelOdometry, first_ns: int, last_ns: int) -> float:

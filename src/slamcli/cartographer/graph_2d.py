@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: MIT
+"""Submaps, nodes and constraints of all trajectories in the plane, and their adjustment (Hess et al., ICRA 2016, V-A)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.cartographer.parameters import OptimizationProblem, PoseGraph
+from slamcli.geometry import se2
+from slamcli.grids.submap_grid import SubmapGrid
+from slamcli.posegraph import Id
+from slamcli.posegraph.losses import Loss
+from slamcli.posegraph.planar import PlanarEdges, PlanarSolution, optimise_planar
+from slamcli.posegraph.planar_start import start_planar
+
+_CELL_M = 0.05
+"""A loop whose position is known to a cell counts fully."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """A node that was found again in a submap."""
+
+    submap: int
+    """Row of the submap in the graph."""
+    node: int
+    relative: NDArray[np.float64]
+    """float64 (3,), pose of the node seen from the submap."""
+    covariance: NDArray[np.float64]
+    """float64 (2, 2), m^2: over which positions the match is ambiguous, along the axes of the node."""
+    score: float
+    round: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrajectoryPart:
+    """What one trajectory brings into the graph; poses are float64 (., 3)."""
+
+    trajectory: int
+    frozen: bool
+    submap_ids: Sequence[Id]
+    submap_local: NDArray[np.float64]
+    submap_map: NDArray[np.float64]
+    grids: Sequence[SubmapGrid]
+    finished: Sequence[bool]
+    node_ids: Sequence[Id]
+    node_local: NDArray[np.float64]
+    node_map: NDArray[np.float64]
+    points: Sequence[NDArray[np.float64]]
+    """float64 (N, 2) for each node."""
+    members: Sequence[Sequence[int]]
+    """For each node the rows, in this part, of the submaps that hold it, the oldest first."""
+    slack_m: NDArray[np.float64]
+    """float64 (N,), how uncertain the way to each node from the one before is, beyond what local SLAM is trusted with."""
+
+
+@dataclass(slots=True, eq=False)
+class PoseGraph2d:
+    """The graph of all parts; rows of submaps and nodes go through the parts in their order."""
+
+    parameters: PoseGraph
+    parts: Sequence[TrajectoryPart]
+    submap: NDArray[np.float64] = field(init=False)
+    """float64 (S, 3), poses in the map."""
+    node: NDArray[np.float64] = field(init=False)
+    """float64 (N, 3)."""
+    submap_local: NDArray[np.float64] = field(init=False)
+    node_local: NDArray[np.float64] = field(init=False)
+    submap_part: NDArray[np.int64] = field(init=False)
+    node_part: NDArray[np.int64] = field(init=False)
+    home: NDArray[np.int64] = field(init=False)
+    """int64 (N,), row of the oldest submap that holds each node."""
+    membership: NDArray[np.int64] = field(init=False)
+    """int64 (K, 2), rows of a submap and of a node that it holds."""
+    grids: list[SubmapGrid] = field(init=False)
+    points: list[NDArray[np.float64]] = field(init=False)
+    loops: list[Loop] = field(default_factory=list)
+    more: Sequence[tuple[PlanarEdges, Loss]] = ()
+    """Further terms between nodes and poses of `extra`; rows count submaps, nodes, then extra poses."""
+    extra: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    """float64 (E, 3), poses of landmarks and fixed frames."""
+
+    def __post_init__(self) -> None:
+        parts = self.parts
+        self.submap = np.concatenate([part.submap_map for part in parts])
+        self.node = np.concatenate([part.node_map for part in parts])
+        self.submap_local = np.concatenate([part.submap_local for part in parts])
+        self.node_local = np.concatenate([part.node_local for part in parts])
+        self.submap_part = np.repeat(np.arange(len(parts)), [len(part.submap_ids) for part in parts])
+        self.node_part = np.repeat(np.arange(len(parts)), [len(part.node_ids) for part in parts])
+        firsts = np.concatenate([[0], np.cumsum([len(part.submap_ids) for part in parts])])
+        rows = [
+            [first + row for row in held] for first, part in zip(firsts, parts, strict=False) for held in part.members
+        ]
+        self.home = np.array([held[0] if held else -1 for held in rows], dtype=np.int64)
+        pairs = [(submap, node) for node, held in enumerate(rows) for submap in held]
+        self.membership = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        self.grids = [grid for part in parts for grid in part.grids]
+        self.points = [points for part in parts for points in part.points]
+
+    @property
+    def fixed(self) -> NDArray[np.bool_]:
+        """Bool (S + N + E,): what the adjustment must not move: frozen trajectories, else the first submap."""
+        frozen = np.array([part.frozen for part in self.parts], np.bool_)
+        fixed = np.concatenate([frozen[self.submap_part], frozen[self.node_part], np.zeros(len(self.extra), np.bool_)])
+        if not fixed.any():
+            fixed[0] = True
+        return fixed
+
+    def prior(self, submap: int, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return where nodes (K,) are believed to be in a submap's grid, float64 (K, 3), in its local frame."""
+        T_local_map = se2.compose(self.submap_local[submap], se2.inverse(self.submap[submap]))
+        return se2.compose(T_local_map[None], self.node[nodes])
+
+    def optimise(self, iterations: int) -> PlanarSolution:
+        """Adjust all poses that are not fixed."""
+        o = self.parameters.optimization_problem
+        poses = np.concatenate([self.submap, self.node, self.extra])
+        groups = [(self._local_edges(o), Loss()), *self.more]
+        if self.loops:
+            groups.insert(1, (self._loop_edges(), Loss(kind="huber", scale=o.huber_scale)))
+        (edges, loss), *more = groups
+        start = start_planar(poses, self.fixed, edges, loss=loss, more=more)
+        solution = optimise_planar(start, self.fixed, edges, loss=loss, more=more, max_iterations=iterations)
+        self.submap, self.node, self.extra = np.split(
+            solution.poses, [len(self.submap), len(self.submap) + len(self.node)]
+        )
+        return solution
+
+    def residuals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return how far each loop (L,) is from what its match says: metres, of which ambiguous directions are left out, and radians."""
+        if not self.loops:
+            return np.zeros(0), np.zeros(0)
+        submaps, nodes = (np.array([getattr(loop, name) for loop in self.loops]) for name in ("submap", "node"))
+        relative = np.array([loop.relative for loop in self.loops])
+        error = se2.between(relative, se2.between(self.submap[submaps], self.node[nodes]))
+        roots = _CELL_M * np.stack([_inverse_root(loop.covariance) for loop in self.loops])
+        return np.hypot(*np.einsum("kij,kj->ki", roots, error[:, :2]).T), np.abs(error[:, 2])
+
+    def _local_edges(self, o: OptimizationProblem) -> PlanarEdges:
+        """Each node in the submaps that hold it, and after the node before."""
+        p, count = self.parameters, len(self.submap)
+        submaps, nodes = self.membership.T
+        after = np.flatnonzero(np.diff(self.node_part) == 0) + 1
+        slack = np.concatenate([part.slack_m for part in self.parts])[after]
+        measured = [
+            se2.between(self.submap_local[submaps], self.node_local[nodes]),
+            se2.between(self.node_local[after - 1], self.node_local[after]),
+        ]
+        translation = o.local_slam_pose_translation_weight
+        return PlanarEdges(
+            first=np.concatenate([submaps, after - 1 + count]),
+            second=np.concatenate([nodes, after]) + count,
+            measured=np.concatenate(measured),
+            translation_weight=np.concatenate(
+                [np.full(len(nodes), p.matcher_translation_weight), translation / np.hypot(1.0, slack * translation)]
+            ),
+            rotation_weight=np.concatenate(
+                [
+                    np.full(len(nodes), p.matcher_rotation_weight),
+                    o.local_slam_pose_rotation_weight / np.hypot(1.0, slack * o.local_slam_pose_rotation_weight),
+                ]
+            ),
+            robust=np.zeros(len(nodes) + len(after), np.bool_),
+        )
+
+    def _loop_edges(self) -> PlanarEdges:
+        b, loops = self.parameters.constraint_builder, self.loops
+        information = np.zeros((len(loops), 3, 3))
+        for k, loop in enumerate(loops):
+            root = _CELL_M * b.loop_closure_translation_weight * _inverse_root(loop.covariance)
+            information[k, :2, :2] = root @ root
+        information[:, 2, 2] = b.loop_closure_rotation_weight**2
+        ones = np.ones(len(loops))
+        return PlanarEdges(
+            first=np.array([loop.submap for loop in loops]),
+            second=np.array([loop.node for loop in loops]) + len(self.submap),
+            measured=np.array([loop.relative for loop in loops]),
+            translation_weight=ones,
+            rotation_weight=ones,
+            robust=ones > 0,
+            information=information,
+        )
+
+
+def _inverse_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverse square root (2, 2), 1/m, of a covariance to which that of one cell is added."""
+    values, vectors = np.linalg.eigh(covariance + _CELL_M**2 * np.eye(2))
+    return (vectors / np.sqrt(values)) @ vectors.T

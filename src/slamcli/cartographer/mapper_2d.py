@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: MIT
+"""Cartographer in the plane: local SLAM, loop closure and the pose graph over a whole recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.cartographer.closing_2d import BatchClosing2d
+from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart
+from slamcli.cartographer.local_slam_2d import LocalSlam2d
+from slamcli.cartographer.parameters import CartographerParameters
+from slamcli.cartographer.range_data import RangeData
+from slamcli.cartographer.result_2d import mapping_result
+from slamcli.cartographer.scan_sequence import Motions, ScanSequence
+from slamcli.cartographer.state_2d import parts_of_state
+from slamcli.errors import EstimationError
+from slamcli.geometry import se2
+from slamcli.mapper import MappingResult, Setup
+from slamcli.measurements import ImuSample, LaserScan, Measurement, Odometry, PointCloud
+from slamcli.posegraph import Id
+from slamcli.trajectory.bending import as_pose, between_updates, compose
+
+_LOST_M = 0.5
+"""Where the way between two nodes is more uncertain than this, new submaps begin."""
+
+
+class Mapper2D:
+    """Batch work: collects scans, odometry and IMU, and maps when the recording has ended.
+
+    Knowing the whole recording first lets it estimate the offset between clocks and the errors of the wheels, and search
+    loops where the drift allows them. Scans are kept as they came, four bytes a beam.
+    """
+
+    def __init__(self, parameters: CartographerParameters, setup: Setup) -> None:
+        self._parameters, self._setup = parameters, setup
+        self._sequence = ScanSequence(parameters.trajectory_builder_2d, setup)
+
+    def process(self, measurement: Measurement) -> None:
+        """Take the next measurement."""
+        if isinstance(measurement, LaserScan | PointCloud | Odometry | ImuSample):
+            self._sequence.add(measurement)
+
+    def finish(self) -> MappingResult:
+        """Map everything."""
+        log, setup = self._setup.log, self._setup
+        motions = self._sequence.prepare()
+        local, matched, poses = self._local_slam(motions)
+        if not local.nodes:
+            raise EstimationError(
+                "no scan shows anything within range: there is nothing to map (see min_range and max_range)"
+            )
+        part = self._part(local, motions)
+        parts = [*parts_of_state(setup.state), part] if setup.state is not None else [part]
+        graph = PoseGraph2d(self._parameters.pose_graph, parts)
+        with ThreadPoolExecutor(setup.jobs) as executor:
+            closing = BatchClosing2d(graph, executor, log)
+            with log.stage("loop closure"):
+                closing.run()
+                solution = graph.optimise(self._parameters.pose_graph.max_num_final_iterations)
+        local_poses = between_updates(motions.motions, matched, poses)
+        steps = np.vstack([np.zeros((1, 3)), se2.between(local_poses[:-1], local_poses[1:])])
+        nodes = np.array([node.scan for node in local.nodes], dtype=np.int64)
+        final = between_updates(steps, nodes, graph.node[graph.node_part == len(parts) - 1])
+        final = _led_back(final, steps, int(nodes[0]))
+        return mapping_result(setup, self._sequence, motions, local, matched, graph, closing, solution, final)
+
+    def _local_slam(self, motions: Motions) -> tuple[LocalSlam2d, NDArray[np.int64], NDArray[np.float64]]:
+        """Return local SLAM after all scans, the scans it placed, and their poses in the local frame."""
+        p, stamps, log = self._parameters.trajectory_builder_2d, self._sequence.stamps_ns, self._setup.log
+        local = LocalSlam2d(p, np.zeros(3))
+        together = self._scans_per_match()
+        matched, poses, lost = [], [], 0.0
+        with log.stage("local SLAM", (stamps[-1] - stamps[0]) / 1e9):
+            for last in range(together - 1, len(stamps), together):
+                scans = range(last - together + 1, last + 1)
+                motion = (0.0, 0.0, 0.0)
+                for k in (*range(scans.start, scans.stop),):
+                    motion = compose(motion, as_pose(motions.motions[k])) if k else motion
+                lost += float((motions.slack_m[scans.start : scans.stop] ** 2).sum())
+                if lost > _LOST_M**2:
+                    local.restart()
+                    lost = 0.0
+                before = len(local.nodes)
+                local.step(last, int(stamps[last]), self._together(scans, motions.motions), np.array(motion))
+                lost = 0.0 if len(local.nodes) > before else lost
+                matched.append(last)
+                poses.append(local.pose)
+                log.progress.update((stamps[last] - stamps[0]) / 1e9)
+            local.finish()
+        return local, np.array(matched, dtype=np.int64), np.array(poses)
+
+    def _scans_per_match(self) -> int:
+        """Return how many messages make one scan to match; parts into which a message is cut count as parts."""
+        subdivisions = max(self._parameters.options.num_subdivisions_per_laser_scan, 1)
+        wanted = max(1, round(self._parameters.trajectory_builder_2d.num_accumulated_range_data / subdivisions))
+        return min(wanted, len(self._sequence.scans))
+
+    def _together(self, scans: range, motions: NDArray[np.float64]) -> RangeData:
+        """Return consecutive scans as one, seen from where the last was taken."""
+        last = self._sequence.range_data(scans[-1])
+        if len(scans) == 1:
+            return last
+        returns, misses = [last.returns], [last.misses]
+        pose = np.zeros(3)
+        for k in reversed(scans[:-1]):
+            pose = se2.compose(pose, se2.inverse(motions[k + 1]))
+            data = self._sequence.range_data(k)
+            returns.append(se2.transform_points(pose, data.returns))
+            misses.append(se2.transform_points(pose, data.misses))
+        return RangeData(last.start, np.concatenate(returns[::-1]), np.concatenate(misses[::-1]))
+
+    def _part(self, local: LocalSlam2d, motions: Motions) -> TrajectoryPart:
+        state = self._setup.state
+        number = 0 if state is None else max(state.trajectories, default=-1) + 1
+        submaps, nodes = local.submaps.all, local.nodes
+        submap_local = np.array([submap.local_pose for submap in submaps])
+        node_local = np.array([node.pose for node in nodes])
+        scans = np.array([node.scan for node in nodes])
+        variance = np.concatenate([[0.0], np.cumsum(motions.slack_m**2)])
+        slack = np.sqrt(np.diff(variance[np.concatenate([[0], scans + 1])]))
+        return TrajectoryPart(
+            trajectory=number, frozen=False, submap_ids=[Id(number, submap.number) for submap in submaps],
+            submap_local=submap_local, submap_map=submap_local.copy(), grids=[submap.grid for submap in submaps],
+            finished=[submap.finished for submap in submaps], node_ids=[Id(number, k) for k in range(len(nodes))],
+            node_local=node_local, node_map=node_local.copy(), points=[node.points for node in nodes],
+            members=[node.submaps for node in nodes], slack_m=slack,
+        )  # fmt: skip
+
+
+def _led_back(poses: NDArray[np.float64], steps: NDArray[np.float64], first: int) -> NDArray[np.float64]:
+    """Return poses (N, 3) in which the scans before `first`, which no node tells, are led back from it by the steps."""
+    for k in range(first - 1, -1, -1):
+        poses[k] = se2.compose(poses[k + 1], se2.inverse(steps[k + 1]))
+    return poses
+
+
+__all__: Sequence[str] = ["Mapper2D"]
