@@ -26,7 +26,7 @@ def test_rounding_does_not_grow_from_prediction_to_prediction():
                     child_frame_id="base_link",
                     quat_xyzw=turned,
                     position_m=np.array([0.5 * stamp / 1e9, 0.0, 0.0]),
-                )  # fmt: skip
+                )
             )
         stamps = np.array([i * 100_000_000 + 20_000_000, i * 100_000_000 + 50_000_000])
         pose = extrapolator.poses(stamps)[-1]
