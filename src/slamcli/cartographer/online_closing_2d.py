@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart
+from slamcli.cartographer.joining_2d import tied_parts
 from slamcli.cartographer.loop_search_2d import Found, Trial, search
 from slamcli.geometry import se2
 from slamcli.runtime import RunLog
@@ -52,14 +53,17 @@ class OnlineClosing2d:
     def run(self) -> None:
         """Go through the nodes of the last trajectory; the last adjustment is left to the caller."""
         graph = self.graph
-        part = graph.parts[-1]
+        part, own = graph.parts[-1], len(graph.parts) - 1
+        placed, _ = tied_parts(graph)
+        nearby = np.array([k == own or (own in placed and k in placed) for k in range(len(graph.parts))])
         first_node, first_submap = len(graph.node) - len(part.node_ids), len(graph.submap) - len(part.submap_ids)
         finishing = _finishing(part)
-        finished, pairs, since = list(range(first_submap)), [], 0
+        finished, pairs, since = np.flatnonzero(nearby[graph.submap_part[:first_submap]]).tolist(), [], 0
+        others = np.flatnonzero(nearby[graph.node_part[:first_node]]).tolist()
         for k in range(len(part.node_ids)):
             new = [first_submap + row for row in finishing.get(k, ())]
             pairs += [(submap, first_node + k) for submap in finished]
-            pairs += [(submap, node) for submap in new for node in range(first_node + k + 1)]
+            pairs += [(submap, node) for submap in new for node in (*others, *range(first_node, first_node + k + 1))]
             finished += new
             since += 1
             if since > graph.parameters.optimize_every_n_nodes > 0:

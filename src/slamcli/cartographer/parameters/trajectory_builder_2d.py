@@ -25,7 +25,9 @@ class CeresScanMatcher2d:
 
     occupied_space_weight: float = weight(1.0, "weight of the points on obstacles, shared among them")
     translation_weight: float = weight(10.0, "weight of staying where the robot was predicted")
-    rotation_weight: float = weight(40.0, "weight of keeping the heading that was predicted, or that the correlative search found")
+    rotation_weight: float = weight(
+        40.0, "weight of keeping the heading that was predicted, or that the correlative search found"
+    )
     ceres_solver_options: CeresSolverOptions = group(CeresSolverOptions())
 
 
