@@ -113,8 +113,8 @@ def fixes_and_landmarks(simulation: Simulation, seed: int = 0) -> Iterator[Messa
                 id=f"tag {i}",
                 position_m=np.array([*noisy[i, :2], 0.0]),
                 quat_xyzw=quaternion.from_yaw(noisy[i, 2]),
-                translation_weight=1e4,
-                rotation_weight=1e4,
+                translation_weight=30.0,
+                rotation_weight=60.0,
             )
             for i in near
         )

@@ -69,6 +69,7 @@ def test_a_mode_wins_over_the_configuration():
     assert numbers(found) == (0, 0, 1)
     assert found.parameters.map_builder.use_trajectory_builder_2d is False
     assert log.notes == ["scans are not used, in 3D point clouds are (choose with --scan-topic)"]
+    assert (found.landmarks, found.fixes, log.warnings) == (False, True, ["landmarks are not used in 3D"])
     assert not plan({"num_laser_scans": 0, "num_point_clouds": 1}, map_builder=builder)[0].spatial
 
 

@@ -98,19 +98,52 @@ def test_map_and_trajectory_come_out_of_a_state(capsys: pytest.CaptureFixture[st
 
 def test_the_state_of_a_run_has_its_map_and_mapping_goes_on_from_it() -> None:
     common = ["map", "--algo", "cartographer", "-q", "--jobs", "1"]
-    assert run([*common, OFFICE, "--duration", "15", "-o", "first"]) == 0
+    assert run([*common, OFFICE, "--duration", "25", "-o", "first"]) == 0
     assert run([*common, "--load-state", "first/state.pbstream", "-o", "drawn"]) == 0
     assert Path("first/map.pgm").read_bytes() == Path("drawn/map.pgm").read_bytes()
     keyframes, drawn = read_tum("first/keyframes.tum"), read_tum("drawn/trajectory.tum")
     np.testing.assert_array_equal(keyframes.stamps_ns, drawn.stamps_ns)
     np.testing.assert_allclose(keyframes.poses_se2, drawn.poses_se2, atol=1e-12)
-    arguments = [OFFICE, "--start", "15", "--duration", "15", "--load-frozen-state", "first/state.pbstream"]
-    assert run([*common, *arguments, "-o", "second"]) == 0
-    state, before = read_state("second/state.pbstream"), read_state("first/state.pbstream")
-    assert state.trajectories == (0, 1)
-    for old, new in zip(before.submaps, state.submaps, strict=False):
-        np.testing.assert_allclose(old.T_map_submap, new.T_map_submap, atol=1e-12)
-        np.testing.assert_array_equal(old.grid.cells, new.grid.cells)
+    # A second visit of the same rooms is found in the frozen map, which stays as it is.
+    visit = [OFFICE, "--start", "6", "--duration", "14"]
+    assert run([*common, *visit, "--load-frozen-state", "first/state.pbstream", "-o", "frozen"]) == 0
+    assert run([*common, *visit, "--load-state", "first/state.pbstream", "-o", "moved"]) == 0
+    before = read_state("first/state.pbstream")
+    for folder in ("frozen", "moved"):
+        state = read_state(f"{folder}/state.pbstream")
+        assert state.trajectories == (0, 1)
+        assert sum(c.submap.trajectory != c.node.trajectory for c in state.constraints) >= 3
+        assert distance_of("first/trajectory.tum", f"{folder}/trajectory.tum") < 0.05
+        for old, new in zip(before.submaps, state.submaps, strict=False):
+            np.testing.assert_array_equal(old.grid.cells, new.grid.cells)
+            np.testing.assert_allclose(old.T_map_submap, new.T_map_submap, atol=1e-12 if folder == "frozen" else 0.02)
+
+
+def distance_of(reference: str, path: str) -> float:
+    """The greatest distance of poses at the same time, in the map."""
+    first, second = read_tum(reference), read_tum(path)
+    _, i, j = np.intersect1d(first.stamps_ns, second.stamps_ns, return_indices=True)
+    assert len(i) > 100
+    return float(np.abs(first.poses_se2[i, :2] - second.poses_se2[j, :2]).max())
+
+
+def test_a_map_of_another_place_is_kept_beside(capsys: pytest.CaptureFixture[str]) -> None:
+    write_state("room.pbstream", a_room())
+    arguments = [
+        "map",
+        "--algo",
+        "cartographer",
+        "--jobs",
+        "1",
+        OFFICE,
+        "--duration",
+        "6",
+        "--load-state",
+        "room.pbstream",
+    ]
+    assert run([*arguments, "-o", "both"]) == 0
+    assert "trajectory 1 was not found in the loaded map: it is kept beside it" in capsys.readouterr().err
+    assert read_state("both/state.pbstream").trajectories == (0, 1)
 
 
 def test_several_states_are_joined_and_the_same_bytes_come_again() -> None:

@@ -13,7 +13,8 @@ from test_html_report import parse
 
 from slamcli.geometry import se3
 from slamcli.grids.tsdf_grid import TsdfGrid
-from slamcli.posegraph import MapState
+from slamcli.posegraph import LoopSearch, MapState
+from slamcli.posegraph.constraint_residuals import constraint_residuals
 from slamcli.reports.graph_arrays import graph_arrays
 from slamcli.reports.graph_map import graph_map, residual_classes
 from slamcli.reports.html import report
@@ -70,6 +71,20 @@ def test_outlines_of_other_grids(made):
     np.testing.assert_allclose(deep.outlines_m[0], [(-2.05, -2.05), (1.95, -2.05), (1.95, 1.95), (-2.05, 1.95)])
 
 
+def test_what_a_search_tells_of_its_residual_counts(made):
+    state, _ = made
+    k = next(i for i, c in enumerate(state.constraints) if c.kind == "inter")
+    constraint = state.constraints[k]
+    blind = LoopSearch(
+        submap=constraint.submap, node=constraint.node, score=0.7, accepted=True, reason="",
+        translation_residual_m=0.002, rotation_residual_rad=0.0003,
+    )  # fmt: skip
+    assert graph_arrays(state, (blind,)).residuals_m[k] == 0.002
+    assert graph_arrays(state, (blind,)).residuals_rad[k] == 0.0003
+    assert graph_arrays(state, (replace(blind, accepted=False),)).residuals_m[k] > 0.003
+    assert graph_arrays(state).residuals_m[k] == pytest.approx(constraint_residuals(state)[0][k])
+
+
 def test_the_worse_residual_names_the_class():
     metres = np.array([0.01, 0.01, 0.2, 3.0, np.nan])
     degrees = np.array([0.1, 0.8, 0.1, 0.1, 0.1])
@@ -109,7 +124,7 @@ def test_the_page_tells_numbers_and_loads_nothing(made):
     accepted = sum(s.accepted for s in searches)
     for words in (
         "min_score 0.6",
-        f"{accepted} ({100 * accepted / len(searches):.0f} %)",
+        f"{accepted} ({100 * accepted / len(searches):.0f}\N{NO-BREAK SPACE}%)",
         "no match <above> the bound",
         "Worst loop constraints",
         "Rounds of searching",
@@ -146,3 +161,13 @@ def test_whatever_a_state_lacks(made, kind):
     parse(markup)
     assert "nan" not in re.sub(r"base64,[^\"]*", "", markup).split("</style>")[1].replace("none", "")
     assert ("Pose graph" in markup) == (kind != "empty")
+
+
+def test_searches_that_were_only_counted_count(made):
+    state, searches = made
+    markup = report(RUN | {"summary": {"loop_trials": 1000}}, state=state, loop_searches=searches)
+    told = parse(markup).text
+    assert "1,000" in told
+    assert f'found nothing</td><td class="n">{1000 - len(searches):,}</td>' in markup
+    nothing = 1000 - sum(s.score > 0 for s in searches)
+    assert f"{nothing:,} more searches found nothing above their bound." in told

@@ -47,6 +47,8 @@ class BatchClosing2d:
     _round: int = 0
     _tried: dict[tuple[int, int], float] = field(default_factory=dict)
     """Widest window in which each pair of submaps was searched without success."""
+    _failed: set[tuple[int, int]] = field(default_factory=set)
+    """Pairs of submap and node that did not match where the graph says they should."""
 
     def run(self) -> None:
         """Close all loops that can be found; the graph is adjusted afterwards."""
@@ -71,6 +73,7 @@ class BatchClosing2d:
         self.num_trials += sum(len(part) for part in trials.values())
         found = search(self.graph, trials, self.executor, self._round)
         windows = {(submap, trial.node): trial.linear_m for submap, part in trials.items() for trial in part}
+        self._failed |= windows.keys() - {(item.loop.submap, item.loop.node) for item in found if not item.rejected}
         believed = [item.loop for item in found if not item.rejected]
         alone = set() if not believed else self._without_witness(believed, windows)
         self.rejected += [item for item in found if item.rejected]
@@ -109,7 +112,7 @@ class BatchClosing2d:
         if b.sampling_ratio <= 0.0:
             return {}
         step = max(1, round(1.0 / b.sampling_ratio))
-        done = {(loop.submap, loop.node) for loop in graph.loops}
+        done = {(loop.submap, loop.node) for loop in graph.loops} | self._failed
         trials = {}
         for submap, (nodes, linear, angular, _) in self._candidates(_SURE_M, False).items():
             chosen = [

@@ -17,7 +17,7 @@ from slamcli.posegraph.losses import Loss
 from slamcli.posegraph.planar import PlanarEdges, PlanarSolution, optimise_planar
 from slamcli.posegraph.planar_start import start_planar
 
-_CELL_M = 0.05
+CELL_M = 0.05
 """A loop whose position is known to a cell counts fully."""
 
 
@@ -138,7 +138,7 @@ class PoseGraph2d:
         submaps, nodes = (np.array([getattr(loop, name) for loop in self.loops]) for name in ("submap", "node"))
         relative = np.array([loop.relative for loop in self.loops])
         error = se2.between(relative, se2.between(self.submap[submaps], self.node[nodes]))
-        roots = _CELL_M * np.stack([_inverse_root(loop.covariance) for loop in self.loops])
+        roots = CELL_M * np.stack([_inverse_root(loop.covariance) for loop in self.loops])
         return np.hypot(*np.einsum("kij,kj->ki", roots, error[:, :2]).T), np.abs(error[:, 2])
 
     def _local_edges(self, o: OptimizationProblem) -> PlanarEdges:
@@ -172,7 +172,7 @@ class PoseGraph2d:
         b, loops = self.parameters.constraint_builder, self.loops
         information = np.zeros((len(loops), 3, 3))
         for k, loop in enumerate(loops):
-            root = _CELL_M * b.loop_closure_translation_weight * _inverse_root(loop.covariance)
+            root = CELL_M * b.loop_closure_translation_weight * _inverse_root(loop.covariance)
             information[k, :2, :2] = root @ root
         information[:, 2, 2] = b.loop_closure_rotation_weight**2
         ones = np.ones(len(loops))
@@ -189,5 +189,5 @@ class PoseGraph2d:
 
 def _inverse_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the inverse square root (2, 2), 1/m, of a covariance to which that of one cell is added."""
-    values, vectors = np.linalg.eigh(covariance + _CELL_M**2 * np.eye(2))
+    values, vectors = np.linalg.eigh(covariance + CELL_M**2 * np.eye(2))
     return (vectors / np.sqrt(values)) @ vectors.T

@@ -36,6 +36,9 @@ def plan_inputs(
         "fixes": _taken("fixes", options.use_nav_sat, "use_nav_sat", offer, log),
         "landmarks": _taken("landmarks", options.use_landmarks, "use_landmarks", offer, log),
     }
+    if dimensions == 3 and taken["landmarks"]:
+        log.warn("landmarks are not used in 3D")
+        taken["landmarks"] = False
     if not (offer.odometry or taken["imu"]):
         log.warn("no odometry and no IMU: only the range sensors tell how the robot moved")
     settled = replace(

@@ -85,14 +85,16 @@ class _Searcher:
         points = self._graph.points[trial.node]
         if len(points) < _MIN_POINTS:
             return None
-        start = prior
+        start, near = prior, True
         if trial.linear_m > _NEAR_M or trial.angular_rad > _NEAR_RAD:
             coarse = self._coarse(points, prior, trial)
             if coarse is None:
                 return None
-            start = coarse
+            start, near = coarse, False
         pose, _ = match_least_squares(self._grid, points, start, start, self._match)
         score = mean_probability(self._grid, points, pose)
+        if near and score < trial.min_score:
+            return None
         window = min(max(trial.linear_m, 1.0), _WIDEST_SPREAD_M)
         spread = position_spread(self._grid, points, pose, window)
         relative = se2.between(self._graph.submap_local[self._submap], pose)

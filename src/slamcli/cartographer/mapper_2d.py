@@ -5,22 +5,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.cartographer.closing_2d import BatchClosing2d
 from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart
+from slamcli.cartographer.joining_2d import join_trajectories
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
+from slamcli.cartographer.outside_2d import Outside2d
 from slamcli.cartographer.parameters import CartographerParameters
 from slamcli.cartographer.range_data import RangeData
 from slamcli.cartographer.result_2d import mapping_result
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
-from slamcli.cartographer.state_2d import parts_of_state
+from slamcli.cartographer.state_2d import loops_of_state, parts_of_state
+from slamcli.cartographer.submaps_2d import note_of
 from slamcli.errors import EstimationError
 from slamcli.geometry import se2
 from slamcli.mapper import MappingResult, Setup
-from slamcli.measurements import ImuSample, LaserScan, Measurement, Odometry, PointCloud
+from slamcli.measurements import ImuSample, Landmarks, LaserScan, Measurement, Odometry, PointCloud, StampedPose
 from slamcli.posegraph import Id
 from slamcli.trajectory.bending import as_pose, between_updates, compose
 
@@ -38,11 +42,17 @@ class Mapper2D:
     def __init__(self, parameters: CartographerParameters, setup: Setup) -> None:
         self._parameters, self._setup = parameters, setup
         self._sequence = ScanSequence(parameters.trajectory_builder_2d, setup)
+        self._outside = Outside2d(setup)
+        note = note_of(parameters.trajectory_builder_2d.submaps)
+        if note:
+            setup.log.note(note)
 
     def process(self, measurement: Measurement) -> None:
         """Take the next measurement."""
         if isinstance(measurement, LaserScan | PointCloud | Odometry | ImuSample):
             self._sequence.add(measurement)
+        elif isinstance(measurement, Landmarks | StampedPose):
+            self._outside.add(measurement)
 
     def finish(self) -> MappingResult:
         """Map everything."""
@@ -56,17 +66,26 @@ class Mapper2D:
         part = self._part(local, motions)
         parts = [*parts_of_state(setup.state), part] if setup.state is not None else [part]
         graph = PoseGraph2d(self._parameters.pose_graph, parts)
+        if setup.state is not None:
+            graph.loops = loops_of_state(setup.state, graph)
+        local_poses = between_updates(motions.motions, matched, poses)
+        nodes = np.array([node.scan for node in local.nodes], dtype=np.int64)
         with ThreadPoolExecutor(setup.jobs) as executor:
+            with log.stage("loop closure"):
+                join_trajectories(graph, executor, log)
+            # Landmarks and fixed frames begin where the trajectory lies in the map.
+            self._outside.attach(graph, self._sequence.stamps_ns, local_poses, nodes)
             closing = BatchClosing2d(graph, executor, log)
             with log.stage("loop closure"):
                 closing.run()
                 solution = graph.optimise(self._parameters.pose_graph.max_num_final_iterations)
-        local_poses = between_updates(motions.motions, matched, poses)
         steps = np.vstack([np.zeros((1, 3)), se2.between(local_poses[:-1], local_poses[1:])])
-        nodes = np.array([node.scan for node in local.nodes], dtype=np.int64)
         final = between_updates(steps, nodes, graph.node[graph.node_part == len(parts) - 1])
         final = _led_back(final, steps, int(nodes[0]))
-        return mapping_result(setup, self._sequence, motions, local, matched, graph, closing, solution, final)
+        result = mapping_result(setup, self._sequence, motions, local, matched, graph, closing, solution, final)
+        summary = {**result.summary, **self._outside.summary(graph)}
+        state = None if result.state is None else self._outside.kept(graph, result.state)
+        return replace(result, summary=summary, state=state)
 
     def _local_slam(self, motions: Motions) -> tuple[LocalSlam2d, NDArray[np.int64], NDArray[np.float64]]:
         """Return local SLAM after all scans, the scans it placed, and their poses in the local frame."""

@@ -24,7 +24,7 @@ from slamcli.trajectory.clocks import align_clocks
 from slamcli.trajectory.wheel_calibration import WheelCalibration
 from slamcli.trajectory.wheel_odometry import WheelOdometry, smooth_stamps
 
-_TANGENT = 0.1
+_TANGENT = 0.0
 """Share of what points tell along a surface that is believed: they should glide along walls, not rest on single cells."""
 _POOR_QUALITY = 0.5
 _LONGEST_OFFSET_S = 4e9

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.cartographer.graph_2d import Loop, PoseGraph2d, TrajectoryPart
+from slamcli.cartographer.graph_2d import CELL_M, Loop, PoseGraph2d, TrajectoryPart
 from slamcli.errors import DataError
 from slamcli.geometry import se2, se3
 from slamcli.posegraph import Constraint, Id, MapState, Node, Submap
@@ -123,7 +123,7 @@ def state_of_graph(graph: PoseGraph2d, stamps_ns: Sequence[int], before: MapStat
     ]  # fmt: skip
     constraints += [
         Constraint(
-            submap=submap_ids[loop.submap], node=node_ids[loop.node], T_submap_node=se3.from_se2(loop.relative), kind="inter",
+            submap=submap_ids[loop.submap], node=node_ids[loop.node], T_submap_node=se3.from_se2(_settled(graph, loop)), kind="inter",
             translation_weight=b.loop_closure_translation_weight, rotation_weight=b.loop_closure_rotation_weight,
         )
         for loop in graph.loops
@@ -135,6 +135,18 @@ def state_of_graph(graph: PoseGraph2d, stamps_ns: Sequence[int], before: MapStat
         odometry=kept.odometry, fixed_frame_poses=kept.fixed_frame_poses, landmarks=kept.landmarks,
         landmark_observations=kept.landmark_observations, trajectory_data=kept.trajectory_data, options=kept.options,
     )  # fmt: skip
+
+
+def _settled(graph: PoseGraph2d, loop: Loop) -> NDArray[np.float64]:
+    """Return float64 (3,), what a loop says, and what the graph says along directions in which the match is ambiguous.
+
+    A saved constraint has one weight for all directions.
+    """
+    c, s = np.cos(loop.relative[2]), np.sin(loop.relative[2])
+    axes = np.array([[c, -s], [s, c]])  # of the node, along which the covariance is
+    gain = loop.covariance @ np.linalg.inv(loop.covariance + CELL_M**2 * np.eye(2))
+    error = se2.between(graph.submap[loop.submap], graph.node[loop.node])[:2] - loop.relative[:2]
+    return np.append(loop.relative[:2] + axes @ gain @ axes.T @ error, loop.relative[2])
 
 
 def _flat(points: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -15,6 +15,8 @@ from numba import njit
 TILE = 32
 SHIFT = 5
 MASK = 31
+WIDE = 3
+"""Half window, cells, in which the direction of a surface is told."""
 FAR = np.float32(1e6)
 
 
@@ -156,12 +158,42 @@ def sample_likelihoods(cells, tables, corner_x, corner_y, delta, points, directi
             out[p, k] = log_likelihood(view, points, directions, x, y, yaw, window, fullness, free_check, lsigma)
 
 
+@njit(cache=True, nogil=True)
+def _line(view, px, py, fullness, noise2):
+    """How much the mean hits around (px, py) form a line, 0 to 1, and its direction; -1 where there are fewer than three."""
+    cells, table, _, _, delta, inverse = view
+    low_i, low_j = math.floor(py * inverse) - WIDE, math.floor(px * inverse) - WIDE
+    high_i, high_j = low_i + 2 * WIDE, low_j + 2 * WIDE
+    if low_i < 0 or low_j < 0 or high_i >> SHIFT >= table.shape[0] or high_j >> SHIFT >= table.shape[1]:
+        return -1.0, 1.0, 0.0
+    n, sx, sy, sxx, sxy, syy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(low_i, high_i + 1):
+        for j in range(low_j, high_j + 1):
+            tile = np.uint32(table[i >> SHIFT, j >> SHIFT])
+            r, c = np.uint32(i & MASK), np.uint32(j & MASK)
+            if _is_full(cells, tile, r, c, fullness):
+                dx = cells[tile, r, c, 2] + j * delta - px
+                dy = cells[tile, r, c, 3] + i * delta - py
+                n += 1.0
+                sx += dx
+                sy += dy
+                sxx += dx * dx
+                sxy += dx * dy
+                syy += dy * dy
+    if n < 3.0:
+        return -1.0, 1.0, 0.0
+    vxx, vxy, vyy = sxx / n - (sx / n) ** 2 + noise2, sxy / n - sx * sy / (n * n), syy / n - (sy / n) ** 2 + noise2
+    half, gap = 0.5 * (vxx + vyy), math.sqrt(0.25 * (vxx - vyy) ** 2 + vxy * vxy)
+    angle = 0.5 * math.atan2(2.0 * vxy, vxx - vyy)
+    return 2.0 * gap / (half + gap), math.cos(angle), math.sin(angle)
+
+
 @njit(cache=True, nogil=True, inline="always")
 def _surface(view, px, py, window, fullness, noise2, tangent):
     """Mean and inverse covariance of the mean hits around (px, py): count, x, y relative to the point, and ixx ixy iyy.
 
-    Along the surface, the direction in which the hits spread most, the information counts by `tangent` only, as far as
-    the hits form a line: where they are as wide as long, or a single one, nothing says which direction that is.
+    Along the surface, the direction in which hits in a wider window spread most, the information counts by `tangent` only,
+    as far as they form a line; all of it where there are too few to tell.
     """
     cells, table, _, _, delta, inverse = view
     low_i, low_j = math.floor(py * inverse) - window, math.floor(px * inverse) - window
@@ -189,15 +221,14 @@ def _surface(view, px, py, window, fullness, noise2, tangent):
     det = vxx * vyy - vxy * vxy
     if tangent == 1.0:
         return n, mx, my, vyy / det, -vxy / det, vxx / det
-    half, gap = 0.5 * (vxx + vyy), math.sqrt(0.25 * (vxx - vyy) ** 2 + vxy * vxy)
-    narrow, wide = half - gap, half + gap
-    if gap <= 1e-12:
-        return n, mx, my, 1.0 / wide, 0.0, 1.0 / wide
-    along = (1.0 / wide) * (1.0 - (1.0 - tangent) * (1.0 - narrow / wide))
-    across = 1.0 / narrow
-    # projectors on the two axes: (V - narrow I) / (wide - narrow) is the one along the surface
-    pxx, pxy, pyy = (vxx - narrow) / (2.0 * gap), vxy / (2.0 * gap), (vyy - narrow) / (2.0 * gap)
-    return n, mx, my, across + (along - across) * pxx, (along - across) * pxy, across + (along - across) * pyy
+    line, ax, ay = _line(view, px, py, fullness, noise2)
+    if line < 0.0:
+        return n, mx, my, tangent * vyy / det, -tangent * vxy / det, tangent * vxx / det
+    # variances of the small window along and across the direction that the wide one tells
+    along = ax * ax * vxx + 2.0 * ax * ay * vxy + ay * ay * vyy
+    across = ay * ay * vxx - 2.0 * ax * ay * vxy + ax * ax * vyy
+    ia, ic = (1.0 - (1.0 - tangent) * line) / along, 1.0 / across
+    return n, mx, my, ia * ax * ax + ic * ay * ay, (ia - ic) * ax * ay, ia * ay * ay + ic * ax * ax
 
 
 @njit(cache=True, nogil=True)

@@ -25,6 +25,7 @@ _TRUSTED_QUALITY = 0.5
 _LONGEST_PERIOD_S = 1.0
 """Time between two scans over which the motion does not tell the velocity during a sweep."""
 _SLIP_SIGMAS = 5.0
+_CALIBRATIONS = 3
 
 BeamsOf = Callable[[int, NDArray[np.float64] | None], Beams]
 """Gives the beams of a scan by its index, moved by the base's velocity (3,) during the sweep (None: as they are)."""
@@ -51,26 +52,29 @@ class LaserOdometry:
     def time_offset(self) -> TimeOffset:
         """Return the wheels' clock offset that the turns seen by the scans tell; hardly trusting the wheels while it is not known."""
         with self.log.stage("clock offset"):
-            return self._offset_from(*self._align(0.0, enough_turns=_TURNING_SCANS))
+            assert self.wheels is not None  # noqa: S101  (callers ask only where there are wheels)
+            return self._offset_of(self.wheels, *self._align(0.0, enough_turns=_TURNING_SCANS))
 
     def calibrated(self, offset_s: float | None) -> tuple[LaserOdometry, TimeOffset, WheelCalibration]:
         """Return this with wheels freed of their systematic errors, the clock offset (estimated where None), and the errors."""
         assert self.wheels is not None  # noqa: S101  (callers ask only where there are wheels)
         with self.log.stage("clock offset"):
             motions, steps = self._align(offset_s or 0.0, enough_turns=_TURNING_SCANS)
-            offset = self._offset_from(motions, steps) if offset_s is None else TimeOffset(offset_s, 0.0, 0.0, 0)
-            count = len(steps)
-            poses = self.wheels.at(self.stamps_ns[:count] + round(offset.seconds * 1e9))
-            told = np.vstack([np.zeros((1, 3)), se2.between(poses[:-1], poses[1:])])
+            sigmas = np.array([_sigma_ahead(step) for step in steps])
             trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])
-            found = calibrate(told, motions[:count], np.array([_sigma_ahead(step) for step in steps]), trusted)
+            found, offset = WheelCalibration(), TimeOffset(offset_s or 0.0, 0.0, 0.0, 0)
+            for _ in range(_CALIBRATIONS):  # wheels that turn too far seem to lead or lag
+                if offset_s is None:
+                    offset = self._offset_of(found.apply(self.wheels), motions, steps)
+                poses = self.wheels.at(self.stamps_ns[: len(steps)] + round(offset.seconds * 1e9))
+                told = np.vstack([np.zeros((1, 3)), se2.between(poses[:-1], poses[1:])])
+                found = calibrate(told, motions[: len(steps)], sigmas, trusted)
         return replace(self, wheels=found.apply(self.wheels)), offset, found
 
-    def _offset_from(self, motions: NDArray[np.float64], steps: list[ScanStep]) -> TimeOffset:
-        assert self.wheels is not None  # noqa: S101  (callers ask only where there are wheels)
+    def _offset_of(self, wheels: WheelOdometry, motions: NDArray[np.float64], steps: list[ScanStep]) -> TimeOffset:
         count = len(steps)
         trusted = np.array([step.quality > _TRUSTED_QUALITY for step in steps])[1:]
-        return estimate(self.stamps_ns[:count], motions[1:count, 2], trusted, self.wheels)
+        return estimate(self.stamps_ns[:count], motions[1:count, 2], trusted, wheels)
 
     def motions(self, offset_s: float) -> tuple[NDArray[np.float64], list[ScanStep]]:
         """Return the motion (N, 3) that leads to each scan from the one before, and how the scans were aligned."""

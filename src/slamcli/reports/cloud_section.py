@@ -25,7 +25,7 @@ def cloud_figures(cloud: PointCloud | None, trajectory: Trajectory | None) -> li
         page.figure(
             _picture(raster.png(cloud_view(points, (0, 1), trajectory=trajectory)), "from above"),
             "From above",
-            f"{len(points):,} points.",
+            f"{len(points):,} points; where several lie over each other the highest is drawn, so that ceilings hide floors.",
         ),
         page.figure(
             _picture(raster.png(cloud_view(points, side, trajectory=trajectory)), "from the side"),

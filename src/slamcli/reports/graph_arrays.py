@@ -47,7 +47,8 @@ class GraphArrays:
     constraint_nodes: NDArray[np.int64]
     constraint_submaps: NDArray[np.int64]
     residuals_m: NDArray[np.float64]
-    """float64 (C,), how far the optimised poses are from what each constraint says; NaN where a part was trimmed."""
+    """float64 (C,), how far the optimised poses are from what each constraint says; NaN where a part was trimmed. Of loops that
+    were found in this run it is what their search tells, which leaves out directions in which a match is blind."""
     residuals_rad: NDArray[np.float64]
     search_nodes: NDArray[np.int64]
     search_submaps: NDArray[np.int64]
@@ -73,7 +74,7 @@ def graph_arrays(state: MapState, searches: Sequence[LoopSearch] = ()) -> GraphA
     constraint_nodes = _places([c.node for c in state.constraints], nodes)
     constraint_submaps = _places([c.submap for c in state.constraints], submaps)
     inter = np.array([c.kind == "inter" for c in state.constraints], dtype=bool)
-    residuals_m, residuals_rad = constraint_residuals(state)
+    residuals_m, residuals_rad = _residuals(state, searches)
     middles = _middles(constraint_nodes, constraint_submaps, ~inter, len(submaps))
     origins = np.array([s.T_map_submap[:2, 3] for s in state.submaps]).reshape(-1, 2)
     origins[middles >= 0] = T_map_node[middles[middles >= 0], :2, 3]
@@ -100,6 +101,16 @@ def graph_arrays(state: MapState, searches: Sequence[LoopSearch] = ()) -> GraphA
         scores=np.array([s.score for s in searches], dtype=np.float64),
         accepted=np.array([s.accepted for s in searches], dtype=bool),
     )
+
+
+def _residuals(state: MapState, searches: Sequence[LoopSearch]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    metres, radians = constraint_residuals(state)
+    told = {(s.submap, s.node): s for s in searches if s.accepted and np.isfinite(s.translation_residual_m)}
+    for i, constraint in enumerate(state.constraints):
+        search = told.get((constraint.submap, constraint.node)) if constraint.kind == "inter" else None
+        if search is not None and np.isfinite(metres[i]):
+            metres[i], radians[i] = search.translation_residual_m, search.rotation_residual_rad
+    return metres, radians
 
 
 def _places(ids: Sequence[Id], known: dict[Id, int]) -> NDArray[np.int64]:

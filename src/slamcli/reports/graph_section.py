@@ -15,7 +15,7 @@ from slamcli.reports import page, scatter, step_charts, svg
 from slamcli.reports.figures.submaps import thumbnails
 from slamcli.reports.graph_arrays import GraphArrays, graph_arrays
 from slamcli.reports.graph_map import RESIDUAL_CLASSES, graph_map, residual_classes
-from slamcli.reports.graph_tables import graph_cards, rejections, rounds, worst_closures
+from slamcli.reports.graph_tables import graph_cards, num_trials, rejections, rounds, worst_closures
 from slamcli.reports.submap_matrix import matrix_chart, untied
 from slamcli.trajectory import Trajectory
 
@@ -36,7 +36,7 @@ def graph_sections(
     graph = graph_arrays(state, searches) if state is not None else None
     if state is None or graph is None or graph.is_empty:
         return []
-    run_nodes, began_ns = _in_run(graph, trajectory)
+    run_nodes, began_ns = nodes_in_run(graph, trajectory)
     return [
         page.section(
             "Pose graph",
@@ -52,8 +52,8 @@ def graph_sections(
 _MAP_CAPTION = (
     "Switches above show and hide what is drawn. A loop constraint runs from the node to where the robot was in the middle of building "
     "the submap; its colour is the residual, what the optimised poses still disagree with the match by. Few constraints that are worse than their "
-    "neighbours are wrong matches; many along one stretch are drift that the loop could not spread. Along a corridor a match is blind, and large residuals "
-    "in its direction are harmless. Where the map is double and no line leads, a loop was not found: look at the rejected searches."
+    "neighbours are wrong matches; many along one stretch are drift that the loop could not spread. Directions in which a match "
+    "is blind, as along a corridor, are left out of it where the run knows them. Where the map is double and no line leads, a loop was not found: look at the rejected searches."
 )
 
 
@@ -63,14 +63,18 @@ _REASONS = (
 )
 
 
-def _in_run(graph: GraphArrays, trajectory: Trajectory | None) -> tuple[NDArray[np.int64], int]:
-    """Return the nodes (K,) that were made during the run, by their stamps, and when it began; all where nothing tells."""
+def nodes_in_run(graph: GraphArrays, trajectory: Trajectory | None) -> tuple[NDArray[np.int64], int]:
+    """Return the nodes (K,) that were made in the run, and when it began; all nodes where no trajectory tells.
+
+    They are those of the newest trajectory in its time: a loaded state may be of the same recording.
+    """
     order = np.argsort(graph.stamps_ns, kind="stable")
     if trajectory is None or not len(trajectory):
         return order, int(graph.stamps_ns.min(initial=np.iinfo(np.int64).max))
     first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
-    stamps = graph.stamps_ns[order]
-    return order[(stamps >= first) & (stamps <= last)], int(trajectory.stamps_ns[0])
+    inside = order[(graph.stamps_ns[order] >= first) & (graph.stamps_ns[order] <= last)]
+    own = graph.trajectories[inside] == graph.trajectories[inside].max(initial=-1)
+    return inside[own], int(trajectory.stamps_ns[0])
 
 
 def _correction(graph: GraphArrays, nodes: NDArray[np.int64], began_ns: int) -> str:
@@ -80,11 +84,15 @@ def _correction(graph: GraphArrays, nodes: NDArray[np.int64], began_ns: int) -> 
     x, x_label = step_charts.time_axis(graph.stamps_ns[nodes], began_ns)
     moved = np.linalg.norm(graph.positions_m - graph.local_positions_m, axis=1)[nodes]
     turned = np.degrees(graph.correction_rad[nodes])
+    unit, factor = ("m", 1.0) if float(moved.max()) > 0.05 else ("mm", 1e3)
     charts = [
         svg.line_chart(
             svg.Chart(title=title, x_label=x_label, y_label=label, series=[svg.Series(label=title, x=x, y=y, colour=c)])
         )
-        for title, label, y, c in (("moved", "moved by m", moved, 0), ("turned", "turned by °", turned, 1))
+        for title, label, y, c in (
+            ("moved", f"moved by {unit}", moved * factor, 0),
+            ("turned", "turned by °", turned, 1),
+        )
     ]
     told = (
         "How far the optimised poses are from those of local SLAM alone, laid on the map at the first node: the drift that the graph took out. "
@@ -111,7 +119,9 @@ def _closures(
             ("accepted", graph.scores[graph.accepted & found]),
             ("rejected", graph.scores[~graph.accepted & found]),
         ]
-        told = f"{np.count_nonzero(~found):,} more searches found nothing above their bound." if not found.all() else ""
+        trials = num_trials(searches, run.get("summary") or {})
+        nothing = trials - int(np.count_nonzero(found))
+        told = f"{nothing:,} more searches found nothing above their bound." if nothing else ""
         parts.append(
             page.figure(
                 scatter.histogram("scores of loop searches", "score", groups, limit=least),
@@ -119,7 +129,7 @@ def _closures(
                 told,
             )
         )
-        parts.append(page.figure(rejections(searches), "What became of the searches", _REASONS))
+        parts.append(page.figure(rejections(searches, trials), "What became of the searches", _REASONS))
         parts.append(page.figure(rounds(searches), "Rounds of searching") if rounds(searches) else "")
     worst = worst_closures(graph)
     parts.append(

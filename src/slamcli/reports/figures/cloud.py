@@ -45,7 +45,8 @@ def cloud_view(
     _draw(picture, view.pixels(at[inner]), points_m[inner, 2], _depth(points_m[inner], axes), (low, high))
     thin = plane.line_width(picture)
     if len(line):
-        raster.stroke(picture, view.pixels(line), plane.INK, 0.8 * thin)
+        raster.stroke(picture, view.pixels(line), plane.PAGE, 2.6 * thin)  # so that it is seen on dark points
+        raster.stroke(picture, view.pixels(line), plane.INK, thin)
     legend: list[tuple[str, plane.Colour | None]] = [
         (f"height {scales.number(round(low, 1) + 0.0)} to {scales.number(round(high, 1) + 0.0)} m", None)
     ]

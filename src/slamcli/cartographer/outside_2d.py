@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""What ties a graph in the plane to the world outside of the scans: landmarks and poses in a fixed frame (GPS).
+
+Each landmark and the origin of each trajectory's fixed frame is a further pose of the graph, estimated with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.cartographer.fixed_frames_2d import FixedFrame, fixed_frame_terms
+from slamcli.cartographer.graph_2d import PoseGraph2d
+from slamcli.cartographer.landmarks_2d import landmark_terms, mounted
+from slamcli.cartographer.timeline_2d import Timeline
+from slamcli.geometry import se3
+from slamcli.mapper import Setup
+from slamcli.measurements import Landmarks, StampedPose
+from slamcli.posegraph import MapState
+from slamcli.posegraph.map_state import TrajectoryData
+
+
+@dataclass(slots=True)
+class Outside2d:
+    """Collects landmarks and fixed-frame poses of a recording, and puts them into its graph with those of a loaded state."""
+
+    setup: Setup
+    _landmarks: list[Landmarks] = field(default_factory=list)
+    _fixes: list[StampedPose] = field(default_factory=list)
+    _names: tuple[str, ...] = ()
+    _frames: tuple[FixedFrame, ...] = ()
+
+    def add(self, measurement: Landmarks | StampedPose) -> None:
+        """Take the next measurement."""
+        if isinstance(measurement, Landmarks):
+            mount = self.setup.T_base_sensor.get(measurement.topic, np.eye(4))
+            self._landmarks.append(mounted(measurement, mount, self.setup.base_frame))
+        else:
+            self._fixes.append(measurement)
+
+    def attach(
+        self,
+        graph: PoseGraph2d,
+        stamps_ns: NDArray[np.int64],
+        poses: NDArray[np.float64],
+        node_scans: NDArray[np.int64],
+    ) -> None:
+        """Add terms to the graph, whose last part is the recording.
+
+        Parameters
+        ----------
+        stamps_ns
+            int64 (N,), increasing, of the recording's scans.
+        poses
+            float64 (N, 3), of these scans in the local frame.
+        node_scans
+            int64 (K,), of which scans the recording's nodes were made.
+        """
+        timelines = self._timelines(graph)
+        own = graph.parts[-1]
+        rows = np.flatnonzero(graph.node_part == len(graph.parts) - 1)
+        timelines[own.trajectory] = Timeline.of_scans(rows, own.node_local, stamps_ns, poses, node_scans)
+        observations, fixes = self._of_trajectories(graph)
+        landmarks = landmark_terms(graph, timelines, observations)
+        if landmarks is not None:
+            self._names = landmarks.names
+            graph.extra = np.concatenate([graph.extra, landmarks.poses])
+            graph.more = [*graph.more, landmarks.term]
+        frames = []
+        for trajectory, listed in fixes.items():
+            lever = self._lever(listed) if trajectory == graph.parts[-1].trajectory else np.zeros(3)
+            found = fixed_frame_terms(graph, timelines[trajectory], listed, lever, self.setup.log)
+            if found is not None:
+                frames.append(replace(found, trajectory=trajectory))
+                graph.extra = np.concatenate([graph.extra, found.poses])
+                graph.more = [*graph.more, *found.terms]
+        self._frames = tuple(frames)
+
+    def kept(self, graph: PoseGraph2d, state: MapState) -> MapState:
+        """Return the state of the adjusted graph with what was given and found here."""
+        own = graph.parts[-1].trajectory
+        extra = graph.extra
+        data = dict(state.trajectory_data)
+        for frame in self._frames:
+            before = data.get(frame.trajectory, TrajectoryData())
+            data[frame.trajectory] = replace(before, T_map_fixed_frame=se3.from_se2(extra[frame.row]))
+        return replace(
+            state,
+            landmarks={**state.landmarks, **{name: se3.from_se2(extra[k]) for k, name in enumerate(self._names)}},
+            landmark_observations=_with(state.landmark_observations, own, self._landmarks),
+            fixed_frame_poses=_with(state.fixed_frame_poses, own, self._fixes),
+            trajectory_data=data,
+        )
+
+    def summary(self, graph: PoseGraph2d) -> dict[str, Any]:
+        """Return figures for ``run.json``; nothing where nothing was used."""
+        found: dict[str, Any] = {}
+        if self._names:
+            found["landmarks"] = len(self._names)
+        if self._frames:
+            distances = np.concatenate([frame.distances_m(graph.extra) for frame in self._frames])
+            found["fixes"] = len(distances)
+            found["fix_residual_median_m"] = float(np.median(distances))
+        return found
+
+    def _timelines(self, graph: PoseGraph2d) -> dict[int, Timeline]:
+        """Return those of the loaded trajectories."""
+        state, timelines = self.setup.state, {}
+        stamps_of = {node.id: node.stamp_ns for node in state.nodes} if state is not None else {}
+        for k, part in enumerate(graph.parts[:-1]):
+            rows = np.flatnonzero(graph.node_part == k)
+            stamps = np.array([stamps_of[key] for key in part.node_ids], dtype=np.int64)
+            timelines[part.trajectory] = Timeline.of_nodes(rows, part.node_local, stamps)
+        return timelines
+
+    def _of_trajectories(
+        self, graph: PoseGraph2d
+    ) -> tuple[dict[int, Sequence[Landmarks]], dict[int, Sequence[StampedPose]]]:
+        """Return observations and fixes by trajectory, the loaded ones first."""
+        state, own = self.setup.state, graph.parts[-1].trajectory
+        known = {part.trajectory for part in graph.parts}
+        landmarks: dict[int, Sequence[Landmarks]] = {}
+        fixes: dict[int, Sequence[StampedPose]] = {}
+        if state is not None:
+            landmarks = {t: seen for t, seen in sorted(state.landmark_observations.items()) if t in known and t != own}
+            fixes = {t: told for t, told in sorted(state.fixed_frame_poses.items()) if t in known and t != own}
+        return {**landmarks, own: self._landmarks}, {**fixes, own: self._fixes}
+
+    def _lever(self, fixes: Sequence[StampedPose]) -> NDArray[np.float64]:
+        """Return the mount of the receiver, float64 (3,)."""
+        topic = fixes[0].topic if fixes else ""
+        return se3.to_se2(np.asarray(self.setup.T_base_sensor.get(topic, np.eye(4))))
+
+
+def _with(before: Mapping[int, tuple[Any, ...]], trajectory: int, listed: Sequence[Any]) -> dict[int, tuple[Any, ...]]:
+    return {**before, trajectory: tuple(listed)} if listed else dict(before)
