@@ -61,7 +61,11 @@ class PoseExtrapolator3D:
                 )
             self.imu.log.counts["leaps of odometry"] += 1
         self._odometry.append((sample.stamp_ns, T))
-        while len(self._odometry) > 2 and self._odometry[1][0] < sample.stamp_ns - 2 * LONGEST_COAST_NS:
+        # What came since the last pose stays: it leads over a time in which the range sensor saw nothing.
+        enough_ns = min(
+            sample.stamp_ns - 2 * LONGEST_COAST_NS, sample.stamp_ns if self._stamp_ns is None else self._stamp_ns
+        )
+        while len(self._odometry) > 2 and self._odometry[1][0] < enough_ns:
             self._odometry.popleft()
 
     def _leap(self, stamp_ns: int, T: NDArray[np.float64]) -> float:
