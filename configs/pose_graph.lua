@@ -19,8 +19,8 @@ POSE_GRAPH = {
     },
     ceres_scan_matcher = {
       occupied_space_weight = 20.0,  -- weight of the points on obstacles, shared among them
-      translation_weight = 10.0,  -- weight of staying where the search started
-      rotation_weight = 1.0,  -- weight of keeping the heading that was predicted
+      translation_weight = 10.0,  -- weight of staying where the robot was predicted
+      rotation_weight = 1.0,  -- weight of keeping the heading that was predicted, or that the correlative search found
       ceres_solver_options = {
         use_nonmonotonic_steps = true,
         max_num_iterations = 10,  -- iterations at most

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from slamcli.geometry import se2
 from slamcli.grids.submap_grid import SubmapGrid
 from slamcli.posegraph import Id
 from slamcli.posegraph.losses import Loss
-from slamcli.posegraph.planar import PlanarEdges, PlanarSolution, optimise_planar
+from slamcli.posegraph.planar import PlanarEdges, PlanarSolution, optimise_planar, rows
 from slamcli.posegraph.planar_start import start_planar
 
 CELL_M = 0.05
@@ -136,13 +137,15 @@ class PoseGraph2d:
         T_local_map = se2.compose(self.submap_local[submap], se2.inverse(self.submap[submap]))
         return se2.compose(T_local_map[None], self.node[nodes])
 
-    def optimise(self, iterations: int) -> PlanarSolution:
-        """Adjust all poses that are not fixed."""
+    def optimise(self, iterations: int, known: NDArray[np.bool_] | None = None) -> PlanarSolution:
+        """Adjust all poses that are not fixed; of these only those that are `known`, bool (S + N + E,), if it is given."""
         o = self.parameters.optimization_problem
         poses = np.concatenate([self.submap, self.node, self.extra])
         groups = [(self._local_edges(o), Loss()), *self.more]
         if self.loops:
             groups.insert(1, (self._loop_edges(), Loss(kind="huber", scale=o.huber_scale)))
+        if known is not None:
+            groups = [(_among(edges, known), loss) for edges, loss in groups]
         (edges, loss), *more = groups
         start = start_planar(poses, self.fixed, edges, loss=loss, more=more)
         solution = optimise_planar(start, self.fixed, edges, loss=loss, more=more, max_iterations=iterations)
@@ -221,6 +224,17 @@ class PoseGraph2d:
 def _softened(weight: float, unit: float, uncertain: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the weights (K,) of measurements to whose deviation, unit / weight, another one is added."""
     return np.asarray(weight / np.hypot(1.0, uncertain * weight / unit))
+
+
+def _among(edges: PlanarEdges, known: NDArray[np.bool_]) -> PlanarEdges:
+    """Return the edges all of whose poses are known; the other poses are then tied to nothing, and stay."""
+    of = rows(edges)
+    kept = np.all(known[of] | (of < 0), axis=1)
+    values: dict[str, Any] = {}
+    for field_ in fields(edges):
+        value = getattr(edges, field_.name)
+        values[field_.name] = None if value is None else value[kept]
+    return PlanarEdges(**values)
 
 
 def _inverse_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ class ImuTrack:
     """The last samples of one IMU, in the base frame, and what was learnt about its errors."""
 
     def __init__(self, gravity_time_constant_s: float, log: RunLog) -> None:
-        self._constant_s, self._log = gravity_time_constant_s, log
+        self._constant_s, self.log = gravity_time_constant_s, log
         self._stamps: deque[int] = deque()
         self._rates: deque[NDArray[np.float64]] = deque()
         self._forces: deque[NDArray[np.float64]] = deque()
@@ -45,13 +45,13 @@ class ImuTrack:
     def add(self, sample: ImuSample, T_base_imu: NDArray[np.float64]) -> None:
         """Take the next sample; one that is not finite, or not later than the one before, is left out and counted."""
         if not (np.isfinite(sample.angular_rad_s).all() and np.isfinite(sample.acceleration_m_s2).all()):
-            self._log.counts["IMU samples that are not finite"] += 1
+            self.log.counts["IMU samples that are not finite"] += 1
             return
         if self._stamps and sample.stamp_ns <= self._stamps[-1]:
-            self._log.counts["IMU samples that are not later than the one before"] += 1
+            self.log.counts["IMU samples that are not later than the one before"] += 1
             return
         if self._stamps and sample.stamp_ns - self._stamps[-1] > LONGEST_GAP_NS:
-            self._log.counts["gaps in the IMU"] += 1
+            self.log.counts["gaps in the IMU"] += 1
         self._stamps.append(sample.stamp_ns)
         self._rates.append(T_base_imu[:3, :3] @ sample.angular_rad_s)
         self._forces.append(T_base_imu[:3, :3] @ sample.acceleration_m_s2)
@@ -82,11 +82,9 @@ class ImuTrack:
         size = float(np.linalg.norm(mean))
         if 0.85 < size < 1.15:
             self._force_scale = STANDARD_GRAVITY_M_S2
-            self._log.warn(
-                f"the IMU feels {size:.2f} at the start: its accelerations are taken as multiples of gravity"
-            )
+            self.log.warn(f"the IMU feels {size:.2f} at the start: its accelerations are taken as multiples of gravity")
         elif not 7.0 < size < 13.0:
-            self._log.warn(
+            self.log.warn(
                 f"the IMU feels {size:.2f} m/s² at the start, not gravity: its gyroscope is used, and the start is"
                 " taken as level"
             )
@@ -150,7 +148,7 @@ class ImuTrack:
         error, plain = self._disagreements
         if self._comparisons >= 40 and error > TRUSTED_TURN_RAD and error > 3.0 * plain:
             self.trusted = False
-            self._log.warn(
+            self.log.warn(
                 f"the gyroscope disagrees with the scans by {error:.3f} rad per scan, constant velocity by {plain:.3f}:"
                 " it is not used from here on (wrong axes, unit or clock?)"
             )

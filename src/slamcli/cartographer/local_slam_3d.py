@@ -23,6 +23,8 @@ from slamcli.runtime import RunLog
 
 FEWEST_POINTS = 20
 """Fewer points than this are not matched."""
+LOST = 0.15
+"""A match with a lower score says hardly where the robot is: ten in a row are warned of."""
 BLIND_NS = 10_000_000_000
 """After so long without points it is said."""
 
@@ -86,6 +88,7 @@ class LocalSlam3D:
         self._next_node = first_node
         self._last_node: tuple[int, NDArray[np.float64]] | None = None
         self._lost = 0
+        self._blind_since_ns = 0  # the last pose before the blindness that was last told of
 
     def add_sweep(self, sweep: Sweep) -> LocalStep:
         """Match the next sweep and put it into the submaps if the robot has moved."""
@@ -98,8 +101,9 @@ class LocalSlam3D:
         predicted = self.extrapolator.poses(knots)
         if not usable:
             self._log.counts["sweeps with too few points within range"] += 1
-            if before_ns is not None and sweep.end_ns - before_ns > BLIND_NS:
-                self._log.warn(f"the range sensor sees nothing for more than 10 s before {sweep.end_ns} ns")
+            if before_ns is not None and sweep.end_ns - before_ns > BLIND_NS and self._blind_since_ns != before_ns:
+                self._blind_since_ns = before_ns
+                self._log.warn(f"the range sensor sees nothing for more than 10 s from {before_ns / 1e9:.3f} s on")
             return self._step(sweep, knots, predicted, math.nan, None)
         if before_ns is None or submap is None:
             poses, score = predicted, 1.0
@@ -149,8 +153,8 @@ class LocalSlam3D:
 
     def _watch(self, match: Match3D, sweep: Sweep) -> None:
         """Warn where scans fit what is known badly for a while."""
-        self._lost = self._lost + 1 if match.score < GOOD else 0
-        if self._lost == 5:
+        self._lost = self._lost + 1 if match.score < LOST else 0
+        if self._lost == 10:
             self._log.counts["stretches in which scans hardly fit the map"] += 1
             self._log.warn(
                 f"from {sweep.begin_ns} ns on scans hardly fit the map (score {match.score:.2f}): the path may be off from"

@@ -15,13 +15,16 @@ from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart
 from slamcli.cartographer.joining_2d import join_trajectories
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
 from slamcli.cartographer.odometry_terms_2d import odometry_term
+from slamcli.cartographer.online_closing_2d import OnlineClosing2d
 from slamcli.cartographer.outside_2d import Outside2d
 from slamcli.cartographer.parameters import CartographerParameters
+from slamcli.cartographer.pose_extrapolator_2d import ConstantVelocity2d
 from slamcli.cartographer.range_data import RangeData
 from slamcli.cartographer.result_2d import mapping_result
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
 from slamcli.cartographer.sensor_records_2d import with_motion_sensors
 from slamcli.cartographer.state_2d import loops_of_state, parts_of_state
+from slamcli.cartographer.submaps_2d import note_of
 from slamcli.errors import EstimationError
 from slamcli.geometry import se2
 from slamcli.mapper import MappingResult, Setup
@@ -44,6 +47,9 @@ class Mapper2D:
         self._parameters, self._setup = parameters, setup
         self._sequence = ScanSequence(parameters.trajectory_builder_2d, setup)
         self._outside = Outside2d(setup)
+        note = note_of(parameters.trajectory_builder_2d.submaps)
+        if note:
+            setup.log.note(note)
 
     def process(self, measurement: Measurement) -> None:
         """Take the next measurement."""
@@ -74,9 +80,10 @@ class Mapper2D:
             # Landmarks and fixed frames begin where the trajectory lies in the map.
             self._outside.attach(graph, self._sequence.stamps_ns, local_poses, nodes)
             self._attach_wheels(graph, nodes, motions)
-            closing = BatchClosing2d(graph, executor, log)
+            batch = self._parameters.pose_graph.batch_search.enabled
+            closing = (BatchClosing2d if batch else OnlineClosing2d)(graph, executor, log)
             with log.stage("loop closure"):
-                if graph.more:  # loops are searched for where they say
+                if batch and graph.more:  # loops are searched for where they say
                     graph.optimise(self._parameters.pose_graph.max_num_final_iterations)
                 closing.run()
                 solution = graph.optimise(self._parameters.pose_graph.max_num_final_iterations)
@@ -105,9 +112,14 @@ class Mapper2D:
         local = LocalSlam2d(p, np.zeros(3))
         together = self._scans_per_match()
         matched, poses, lost = [], [], 0.0
+        speed = ConstantVelocity2d(p.pose_extrapolator.constant_velocity.pose_queue_duration)
         with log.stage("local SLAM", (stamps[-1] - stamps[0]) / 1e9):
             for last in range(together - 1, len(stamps), together):
                 scans = range(last - together + 1, last + 1)
+                if motions.extrapolated:
+                    ahead = slice(scans.start, last + 2)  # the next one too: it tells the motion during the last sweep
+                    turns = motions.motions[ahead, 2].copy() if motions.turns_told else None
+                    motions.motions[ahead] = speed.motions(stamps[ahead], turns)
                 motion = (0.0, 0.0, 0.0)
                 for k in (*range(scans.start, scans.stop),):
                     motion = compose(motion, as_pose(motions.motions[k])) if k else motion
@@ -119,6 +131,7 @@ class Mapper2D:
                 local.step(last, int(stamps[last]), self._together(scans, motions.motions), np.array(motion))
                 told = len(local.nodes) > before and motions.slack_m[last] == 0.0
                 lost = 0.0 if told else lost
+                speed.add(int(stamps[last]), local.pose)
                 matched.append(last)
                 poses.append(local.pose)
                 log.progress.update((stamps[last] - stamps[0]) / 1e9)

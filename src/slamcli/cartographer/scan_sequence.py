@@ -37,10 +37,15 @@ class Motions:
     """How the robot moved, and how that is known."""
 
     motions: NDArray[np.float64]
-    """float64 (N, 3), from each scan to the next one's place: row k leads to scan k."""
+    """float64 (N, 3), from each scan to the next one's place: row k leads to scan k. Where nothing tells them, local SLAM
+    fills them in, as far as it got."""
     slack_m: NDArray[np.float64]
     """float64 (N,), how uncertain the motion is where scans did not tell it, else 0."""
     steps: list[ScanStep]
+    extrapolated: bool = False
+    """Whether nothing tells the motions: neither scans nor wheels."""
+    turns_told: bool = False
+    """Whether a gyroscope tells the turns where the motions are extrapolated."""
     offset_s: float = 0.0
     calibration: WheelCalibration | None = None
 
@@ -121,7 +126,10 @@ class ScanSequence:
         self._laser = laser
         if not p.scan_odometry.enabled:
             motions = self._predicted(laser, offset_s)
-            found = Motions(motions=motions, slack_m=np.zeros(len(motions)), steps=[], offset_s=offset_s)
+            found = Motions(
+                motions=motions, slack_m=np.zeros(len(motions)), steps=[], offset_s=offset_s,
+                extrapolated=laser.wheels is None, turns_told=laser.yaws is not None,
+            )  # fmt: skip
         else:
             motions, steps = laser.motions(offset_s)
             found = Motions(

@@ -36,7 +36,12 @@ def graph_cards(
         facts.append((f"{np.median(known) * 100:.1f} cm", "median residual of loop constraints", False))
     before, after = summary.get("optimisation_cost_before"), summary.get("optimisation_cost_after")
     if isinstance(before, (int, float)) and isinstance(after, (int, float)):
-        change = f" ({100 * (after / before - 1):+.0f}\N{NO-BREAK SPACE}%)".replace("-", "−") if before > 0 else ""
+        share = 100 * (after / before - 1) if before > 0 else 0.0
+        change = (
+            f" ({share:+.{0 if abs(share) >= 1 else 1}f}\N{NO-BREAK SPACE}%)".replace("-", "−")
+            if abs(share) >= 0.05
+            else ""
+        )
         facts.append((f"{after:.3g}{change}", "cost after the last optimisation", False))
     return facts
 
