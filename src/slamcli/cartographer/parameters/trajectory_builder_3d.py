@@ -19,7 +19,6 @@ from slamcli.cartographer.parameters.tables import (
 from slamcli.errors import ConfigError
 from slamcli.parameters import group, parameter
 
-
 _NOT_USED = "(not used here: matching goes by shape alone)"
 
 
