@@ -15,6 +15,8 @@ from slamcli.runtime import RunLog
 STANDARD_GRAVITY_M_S2 = 9.80665
 KEPT_NS = 2_000_000_000
 """How long samples are kept: longer than the gap between two scans."""
+LONGEST_KEPT_NS = 60_000_000_000
+"""Where the range sensor sees nothing they are kept since then, but no longer than this."""
 LONGEST_GAP_NS = 200_000_000
 """Over a longer time without a sample the gyroscope is not asked."""
 BIAS_TIME_CONSTANT_S = 10.0
@@ -38,6 +40,8 @@ class ImuTrack:
         self._disagreements = np.zeros(2)
         self._comparisons = 0
         self.trusted = True
+        self.needed_since_ns = 0
+        """Time of the last pose: rotations are asked for from there on."""
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -55,7 +59,8 @@ class ImuTrack:
         self._stamps.append(sample.stamp_ns)
         self._rates.append(T_base_imu[:3, :3] @ sample.angular_rad_s)
         self._forces.append(T_base_imu[:3, :3] @ sample.acceleration_m_s2)
-        while self._stamps[0] < sample.stamp_ns - KEPT_NS:
+        since = max(self.needed_since_ns, sample.stamp_ns - LONGEST_KEPT_NS)
+        while self._stamps[0] < min(since, sample.stamp_ns - KEPT_NS):
             for samples in (self._stamps, self._rates, self._forces):
                 samples.popleft()
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,6 +81,22 @@ class ScanSequence:
     def recorded_stamps_ns(self) -> list[int]:
         """The stamps of the scans as they were recorded."""
         return [scan.stamp_ns for scan in self.scans]
+
+    @property
+    def odometry(self) -> Sequence[Odometry]:
+        """The odometry as it was recorded."""
+        return self._odometry
+
+    @property
+    def imu(self) -> Sequence[ImuSample]:
+        """The samples of the IMU, if it is used (after `prepare`)."""
+        return self._imu if self._attitude is not None else ()
+
+    def wheel_poses(self, scans: NDArray[np.int64], offset_s: float) -> NDArray[np.float64] | None:
+        """Return where the calibrated odometry has scans, float64 (K, 3); None without odometry (after `prepare`)."""
+        if self._laser is None or self._laser.wheels is None:
+            return None
+        return self._laser.wheels.at(self.stamps_ns[scans] + round(offset_s * 1e9))
 
     def prepare(self) -> Motions:
         """Put the clocks in order and return how the robot moved.
