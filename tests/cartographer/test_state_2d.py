@@ -32,7 +32,7 @@ def graph(trajectory=0):
         node_map=se2.compose(MOVE, path),
     )  # fmt: skip
     made = PoseGraph2d(PoseGraph(), [part])
-    made.loops = [Loop(0, 44, np.array([0.5, 0.2, -0.1]), 0.1 * np.eye(2), 0.7, 2)]
+    made.loops = [Loop(0, 44, np.array([0.5, 0.2, -0.1]), np.zeros((2, 2)), 0.7, 2)]
     return made
 
 
@@ -56,6 +56,16 @@ def test_a_graph_comes_back_from_its_state():
     assert not loop.covariance.any()  # saved loops count fully
     submaps, nodes = rows_of_ids(after)
     assert (submaps[Id(0, 3)], nodes[Id(0, 17)]) == (3, 17)
+
+
+def test_a_direction_that_a_match_does_not_tell_is_saved_as_the_graph_has_it():
+    before = graph()
+    between = se2.between(before.submap[0], before.node[44])
+    blurred = replace(before.loops[0], covariance=1e4 * np.eye(2))
+    before.loops = [replace(blurred, relative=between + np.array([0.3, -0.4, 0.02]))]
+    (loop,) = loops_of_state(state_of_graph(before, STAMPS, None), before)
+    np.testing.assert_allclose(loop.relative[:2], between[:2], atol=1e-3)
+    assert loop.relative[2] == pytest.approx(between[2] + 0.02)
 
 
 def test_constraints_say_where_nodes_are_in_submaps():
