@@ -72,7 +72,7 @@ class Mapper2D:
         graph = PoseGraph2d(self._parameters.pose_graph, parts)
         if setup.state is not None:
             graph.loops = loops_of_state(setup.state, graph)
-        local_poses = between_updates(motions.motions, matched, poses)
+        local_poses = _led_back(between_updates(motions.motions, matched, poses), motions.motions, int(matched[0]))
         nodes = np.array([node.scan for node in local.nodes], dtype=np.int64)
         with ThreadPoolExecutor(setup.jobs) as executor:
             with log.stage("loop closure"):
