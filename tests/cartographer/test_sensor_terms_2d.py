@@ -181,3 +181,17 @@ def test_a_state_keeps_what_fixes_say(tmp_path):
     np.testing.assert_allclose(
         state.trajectory_data[0].T_map_fixed_frame, first.state.trajectory_data[0].T_map_fixed_frame, atol=1e-12
     )
+
+
+def test_going_on_with_a_map_that_fixes_straightened_does_not_bend_it_back(tmp_path):
+    first = run(scans(STAMPS, TRUTH), wheels(STAMPS, TRUTH), fixes(STAMPS, TRUTH))
+    write_state(tmp_path / "first.pbstream", first.state)
+    state = read_state(tmp_path / "first.pbstream")
+    weights = [c.translation_weight for c in state.constraints]
+    assert max(weights) == 500.0
+    assert min(weights) < 480.0  # scans told nothing on the way
+    stamps = STAMPS[:20] + 10**13
+    second = run(scans(stamps, TRUTH[:20]), wheels(stamps, TRUTH[:20]), state=state)
+    before = np.array([node.T_map_node[:2, 3] for node in first.state.nodes])
+    after = np.array([node.T_map_node[:2, 3] for node in second.state.nodes if node.id.trajectory == 0])
+    assert np.hypot(*(after - before).T).max() < 0.9  # by the wheels alone it would be 10
