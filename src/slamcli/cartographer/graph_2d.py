@@ -156,7 +156,7 @@ class PoseGraph2d:
         submaps, nodes = (np.array([getattr(loop, name) for loop in self.loops]) for name in ("submap", "node"))
         relative = np.array([loop.relative for loop in self.loops])
         error = se2.between(relative, se2.between(self.submap[submaps], self.node[nodes]))
-        roots = CELL_M * np.stack([_inverse_root(loop.covariance) for loop in self.loops])
+        roots = CELL_M * _inverse_root(np.array([loop.covariance for loop in self.loops]))
         return np.hypot(*np.einsum("kij,kj->ki", roots, error[:, :2]).T), np.abs(error[:, 2])
 
     def _local_edges(self, o: OptimizationProblem) -> PlanarEdges:
@@ -207,9 +207,10 @@ class PoseGraph2d:
     def _loop_edges(self) -> PlanarEdges:
         b, loops = self.parameters.constraint_builder, self.loops
         information = np.zeros((len(loops), 3, 3))
-        for k, loop in enumerate(loops):
-            root = CELL_M * b.loop_closure_translation_weight * _inverse_root(loop.covariance)
-            information[k, :2, :2] = root @ root
+        roots = (
+            CELL_M * b.loop_closure_translation_weight * _inverse_root(np.array([loop.covariance for loop in loops]))
+        )
+        information[:, :2, :2] = roots @ roots
         information[:, 2, 2] = b.loop_closure_rotation_weight**2
         ones = np.ones(len(loops))
         return PlanarEdges(
@@ -244,7 +245,7 @@ def _among(edges: PlanarEdges, known: NDArray[np.bool_]) -> PlanarEdges:
     return PlanarEdges(**values)
 
 
-def _inverse_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the inverse square root (2, 2), 1/m, of a covariance to which that of one cell is added."""
-    values, vectors = np.linalg.eigh(covariance + CELL_M**2 * np.eye(2))
-    return (vectors / np.sqrt(values)) @ vectors.T
+def _inverse_root(covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the inverse square roots (..., 2, 2), 1/m, of covariances to which that of one cell is added."""
+    values, vectors = np.linalg.eigh(covariances + CELL_M**2 * np.eye(2))
+    return np.asarray((vectors / np.sqrt(values)[..., None, :]) @ np.swapaxes(vectors, -1, -2))
