@@ -35,6 +35,7 @@ from slamcli.trajectory import path_lengths
 Change = Callable[[float, Any], Any]
 """Takes seconds from the start and a measurement, returns what is recorded instead (None: nothing)."""
 
+SHOWN = 6
 GRAVITY = np.array([0.0, 0.0, 9.80665])
 PLAIN = """
 name: plain_corridor
@@ -231,8 +232,10 @@ def mapped(name: str, bag: Path, algo: str, settings: list[str]) -> bool:
         warnings = done.stderr.strip().splitlines()[-1:]
     state = "TRACEBACK" if broke else f"exit {done.returncode}"
     print(f"{name:24} {state:10} {error:22} {seconds:6.1f} s", flush=True)
-    for warning in warnings:
+    for warning in warnings[:SHOWN]:
         print(f"    {warning}", flush=True)
+    if len(warnings) > SHOWN:
+        print(f"    ... {len(warnings)} warnings", flush=True)
     return broke
 
 

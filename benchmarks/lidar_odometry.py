@@ -12,7 +12,7 @@ same told the scanner's range (cells of a hundredth of it, its own rule). One li
 - ATE: root mean square of the distances between the scanned and the true positions of base_link, after the best rigid
   transform in space; and its share of the way.
 - drift: mean translational error of all segments of 50 m (KITTI's measure), in percent; none where the way is shorter.
-- end: how far the last pose relative to the first one is from the truth.
+- end: how far the last position relative to the first one is from the truth, after the same transform.
 - ms/cloud: wall time from opening the recording to the end of the mapping, over clouds; for kiss-icp with reading by
   slamcli's reader, and in brackets without reading. slamcli reads, maps, and writes map, cloud and report.
 
@@ -33,7 +33,7 @@ import numpy as np
 
 from slamcli.evaluation.segments import kitti_errors
 from slamcli.formats.trajectories import read_tum
-from slamcli.geometry import alignment, quaternion, se3
+from slamcli.geometry import alignment, se3
 from slamcli.measurements import Odometry, PointCloud
 from slamcli.pipelines.generate import generate
 from slamcli.recordings import open_recording
@@ -182,11 +182,8 @@ def row(made: Run, truth: Trajectory, clouds: int, span_s: float) -> str:
     )
     way = float(path_lengths(there.positions_m)[-1])
     drift = kitti_errors(there, estimate, lengths_m=[SEGMENT_M]).trans_percent
-    T_est, T_true = (
-        se3.from_position_quaternion(t.positions_m[[0, -1]], quaternion.normalise(t.quats_xyzw[[0, -1]]))
-        for t in (estimate, there)
-    )
-    end = np.linalg.norm((se3.inverse(T_est[0]) @ T_est[1])[:3, 3] - (se3.inverse(T_true[0]) @ T_true[1])[:3, 3])
+    way_there = laid.rotation @ (estimate.positions_m[-1] - estimate.positions_m[0])
+    end = np.linalg.norm(way_there - (there.positions_m[-1] - there.positions_m[0]))
     told = f"{drift.mean():.2f}" if len(drift) else "-"
     note = f" ({made.note})" if made.note else ""
     return (

@@ -122,7 +122,7 @@ class Drive:
         """T_world_base (N, 4, 4) at times t (N,), seconds."""
         t = np.asarray(t, dtype=np.float64)
         e = 0.05
-        moving = np.clip(t, self.rest, self.duration - self.rest)
+        moving = np.clip(t, self.rest, self.duration - self.ramp - 0.3)
         ahead, back = self.positions(moving + e), self.positions(moving - e)
         yaw = np.arctan2(ahead[:, 1] - back[:, 1], ahead[:, 0] - back[:, 0])
         roll, pitch = self.sway * np.sin(2.1 * t), self.sway * np.sin(1.3 * t + 0.4)

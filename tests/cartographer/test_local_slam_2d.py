@@ -11,17 +11,20 @@ from box_room import drive, motions, seen
 
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
 from slamcli.cartographer.parameters import CeresScanMatcher2d, MotionFilter, Submaps2d, TrajectoryBuilder2d
-from slamcli.cartographer.parameters.trajectory_builder_2d import GridOptions2d, RangeDataInserter2d
+from slamcli.cartographer.parameters.trajectory_builder_2d import GridOptions2d, RangeDataInserter2d, ScanOdometry2d
 from slamcli.cartographer.range_data import RangeData
 from slamcli.geometry import se2
 from slamcli.grids.tsdf_grid import TsdfGrid
 
 PARAMETERS = TrajectoryBuilder2d(
-    submaps=Submaps2d(num_range_data=15), ceres_scan_matcher=CeresScanMatcher2d(occupied_space_weight=10.0)
+    scan_odometry=ScanOdometry2d(enabled=False),
+    submaps=Submaps2d(num_range_data=15),
+    ceres_scan_matcher=CeresScanMatcher2d(occupied_space_weight=10.0),
 )
 
 
 TSDF = TrajectoryBuilder2d(
+    scan_odometry=ScanOdometry2d(enabled=False),
     submaps=Submaps2d(
         num_range_data=15,
         grid_options_2d=GridOptions2d(grid_type="TSDF"),
@@ -70,6 +73,31 @@ def test_signed_distances_put_right_too():
     assert distance.max() < 0.12  # the corner and the pillar, seen from both sides, bend the surfaces
     assert turn.max() < 0.05
     assert np.array([step.score for step in slam.steps])[5:].min() > 0.7
+
+
+def test_predictions_of_scan_odometry_are_trusted_more():
+    stamps, poses = drive(40)
+    predicted = motions(poses, scale=1.1)
+    trusting = replace(PARAMETERS, scan_odometry=ScanOdometry2d(trust=1000.0))
+    dead_reckoned = [poses[0]]
+    for motion in predicted[1:]:
+        dead_reckoned.append(se2.compose(dead_reckoned[-1], motion))
+    distance, _ = errors(run(trusting, stamps, poses, predicted)[1], np.array(dead_reckoned))
+    assert distance.max() < 0.01
+
+
+def test_new_submaps_after_a_restart():
+    stamps, poses = drive(20)
+    slam = LocalSlam2d(PARAMETERS, poses[0].copy())
+    for k in range(20):
+        if k == 10:
+            slam.restart()
+            assert slam.submaps.matching is None
+        slam.step(k, int(stamps[k]), seen(poses[k]), motions(poses)[k])
+    slam.finish()
+    assert all(submap.finished for submap in slam.submaps.all)
+    assert [node.submaps for node in slam.nodes if node.scan in (9, 10)] == [(0,), (1,)]
+    assert slam.steps[10].score == 0.0
 
 
 def test_the_window_search_takes_larger_errors():

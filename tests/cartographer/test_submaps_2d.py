@@ -9,7 +9,7 @@ from box_room import seen
 
 from slamcli.cartographer.parameters import Submaps2d, TsdfInserter
 from slamcli.cartographer.parameters.trajectory_builder_2d import GridOptions2d, NormalEstimation, RangeDataInserter2d
-from slamcli.cartographer.submaps_2d import ActiveSubmaps2d
+from slamcli.cartographer.submaps_2d import ActiveSubmaps2d, note_of
 from slamcli.errors import ConfigError
 from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.grids.tsdf_grid import TsdfGrid
@@ -109,3 +109,8 @@ def test_a_grid_and_an_inserter_that_do_not_go_together_are_refused():
         ConfigError, match="PROBABILITY_GRID_INSERTER_2D does not go with grid_type TSDF: set it to TSDF_INSERTER_2D"
     ):
         Submaps2d(grid_options_2d=GridOptions2d(grid_type="TSDF"))
+
+
+def test_a_map_that_knows_only_bands_is_announced():
+    assert note_of(Submaps2d()) == note_of(tsdf(update_free_space=True)) == ""
+    assert "free space is known within 0.4 m of surfaces only" in note_of(tsdf(truncation_distance=0.4))

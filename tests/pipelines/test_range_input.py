@@ -397,6 +397,31 @@ def test_a_recording_without_range_sensors(tmp_path: Path):
             feed(recording, GMAPPING)
 
 
+def test_sensors_that_see_nothing_for_long(tmp_path: Path):
+    nothing = np.full(5, np.inf, np.float32)
+    scans = [replace(scan(i), ranges_m=nothing) if 10 <= i < 25 or i == 30 else scan(i) for i in range(40)]
+    clouds = [replace(cloud(i), points_m=np.zeros((0, 3), np.float32)) if i >= 20 else cloud(i) for i in range(40)]
+    path = record(tmp_path / "blind.mcap", scan=scans, points=clouds, odom=ROBOT["odom"])
+    with open_recording(path) as recording:
+        assert counted(feed(recording, scans=("/scan",), points=("/points",))) == {
+            "/scan": 40,
+            "/points": 40,
+            "/odom": 20,
+        }
+        assert recording.log.counts["/scan: sweeps without any distance"] == 16
+        assert recording.log.counts["/points: sweeps without any distance"] == 20
+        assert recording.log.warnings == [
+            (
+                f"/scan sees nothing for more than a second once, the longest for 1.5 s from {(START + 1000 * MS) / 1e9:.3f} s: other "
+                "sensors alone tell the motion there"
+            ),
+            (
+                f"/points sees nothing for more than a second once, the longest for 1.9 s from {(START + 2000 * MS) / 1e9:.3f} s: "
+                "other sensors alone tell the motion there"
+            ),
+        ]
+
+
 def test_a_scanner_whose_messages_are_garbage_is_left_out(robot: Path, monkeypatch: pytest.MonkeyPatch):
     decode = laser_scan.ADAPTER.decode
 

@@ -129,7 +129,12 @@ def test_a_carmen_log_as_it_is() -> None:
 
 @pytest.mark.parametrize(
     ("name", "severe"),
-    [("trace0.bag", []), ("simpath2.bag", []), ("rp1.bag", ["odometry", "tf-missing"])],
+    [
+        # The gmapping tier's estimate of these clock offsets is -0.085 s and 0.1 s.
+        ("trace0.bag", ["stamp-turning", "sweep-stamp"]),
+        ("simpath2.bag", ["stamp-turning"]),
+        ("rp1.bag", ["odometry", "tf-missing"]),
+    ],
 )
 def test_the_doctor_on_real_recordings(name: str, severe: list[str]) -> None:
     with open_recording(BAGS / name) as recording:

@@ -88,10 +88,11 @@ def matched(grid, points, start, prior, settings):
     return found.x, float(found.cost)
 
 
-def scores(grid):
-    """How well a point fits into each cell, 0.1 (unknown cells too) to 0.9."""
+def scores(grid, reach=None):
+    """How well a point fits into each cell, 0.1 (unknown cells too) to 0.9; of distances down to `reach`, metres."""
     if isinstance(grid, TsdfGrid):
-        return 0.9 - 0.8 * np.abs(distances(grid)[0]) / grid.truncation_distance_m
+        reach = min(3 * grid.resolution_m, grid.truncation_distance_m) if reach is None else reach
+        return 0.9 - 0.8 * np.minimum(np.abs(distances(grid)[0]) / reach, 1.0)
     return 1.0 - costs(grid)
 
 
@@ -122,7 +123,7 @@ def mean_probability(grid, points, pose):
 
 def best_in_window(grid, points, prior, half_cells, num_turns, turn_step, penalty):
     """Score and pose of the best of all shifts by whole cells and turns by whole steps; the first of equals."""
-    values, best = scores(grid), (-1.0, None)
+    values, best = scores(grid, getattr(grid, "truncation_distance_m", None)), (-1.0, None)
     for a in range(-num_turns, num_turns + 1):
         yaw = prior[2] + a * turn_step
         rows, columns = cells_of(grid, points, (prior[0], prior[1], yaw))
@@ -165,3 +166,14 @@ def best_sum(grid, points, prior, half_cells, num_turns, turn_step):
             if total == best:
                 poses.append((prior[0] + j * grid.resolution_m, prior[1] + i * grid.resolution_m, yaw))
     return best, poses
+
+
+def position_spread(grid, points, pose, half, step, temperature):
+    """Covariance, m^2, of positions on a raster of `step` cells, each weighed by how well the points fit there."""
+    values, (rows, columns) = scores(grid), cells_of(grid, points, pose)
+    here, weights, places = mean_at(values, rows, columns, 0.1), [], []
+    for i, j in itertools.product(range(-half, half + 1), repeat=2):
+        fit = mean_at(values, rows + i * step, columns + j * step, 0.1)
+        weights.append(math.exp(min((fit - here) / temperature, 0.0)))
+        places.append(np.array([j, i]) * step * grid.resolution_m)
+    return np.einsum("k,ki,kj->ij", weights, places, places) / sum(weights)

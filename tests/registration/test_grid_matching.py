@@ -19,6 +19,7 @@ from slamcli.registration.grid_matching import (
     match_correlative,
     match_least_squares,
     mean_probability,
+    position_spread,
     probability_table,
 )
 
@@ -205,3 +206,23 @@ def test_an_angular_step_moves_the_farthest_point_by_at_most_a_cell(farthest):
     chord = 2 * farthest * math.sin(step / 2)
     assert chord <= 0.05
     assert chord > 0.045 or farthest < 0.15
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_spread_equals_the_naive_twin(seed):
+    rng = np.random.default_rng(seed)
+    grid, points, pose = random_grid(seed, (40, 40)), rng.uniform(-0.8, 0.8, (9, 2)), np.array([1.2, 2.3, 0.4])
+    expected = naive.position_spread(grid, points, pose, 3, 2, 0.02)
+    np.testing.assert_allclose(position_spread(grid, points, pose, 0.55), expected, rtol=1e-4)
+
+
+def test_a_corridor_spreads_along_itself_and_a_room_does_not(room_grid):
+    grid, along = ProbabilityGrid.empty(0.05, (0.0, 0.0), 300), np.linspace(-6, 6, 600)
+    walls = np.concatenate([np.column_stack([along, np.full(600, y)]) for y in (-1.025, 1.025)])
+    for _ in range(20):
+        OddsInserter().insert(grid, np.zeros(3), np.zeros(2), walls, np.empty((0, 2)))
+    seen = walls[np.abs(walls[:, 0]) < 2.0]
+    corridor, closed = (position_spread(g, p, np.zeros(3), 2.0) for g, p in ((grid, seen), (room_grid, room())))
+    assert math.sqrt(corridor[0, 0]) > 1.0
+    assert math.sqrt(corridor[1, 1]) < 0.1
+    assert math.sqrt(np.linalg.eigvalsh(closed)[1]) < 0.1

@@ -30,7 +30,7 @@ def random_grid(seed, shape=(14, 19), unknown=0.1):
     missing = rng.random(shape) < unknown
     tsd[missing], weights[missing] = 0, 0
     weights[0, 3] = 1  # known, but without weight
-    return TsdfGrid(tsd, weights, 0.1, (-0.7, 0.4), 0.3, 10.0)
+    return TsdfGrid(tsd, weights, 0.1, (-0.7, 0.4), 0.45, 10.0)
 
 
 def room(count=240, seed=2):
@@ -49,7 +49,7 @@ def room_grid():
     return grid.cropped()
 
 
-def table(cut=0.3):
+def table(cut=0.45):
     return np.concatenate([[cut], np.linspace(-cut, cut, 32767)]).astype(np.float32)
 
 
@@ -124,7 +124,7 @@ def test_mean_score(room_grid):
     for pose in np.random.default_rng(8).normal(0, [1.0, 1.0, 1.0], (20, 3)):
         found = mean_probability(room_grid, room(50), pose)
         assert found == pytest.approx(naive.mean_probability(room_grid, room(50), pose), abs=1e-6)
-    assert mean_probability(room_grid, room(50), np.zeros(3)) > 0.8
+    assert mean_probability(room_grid, room(50), np.zeros(3)) > 0.7
     assert mean_probability(room_grid, room(50), np.array([90.0, 0.0, 0.0])) == pytest.approx(0.1)
 
 

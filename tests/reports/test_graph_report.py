@@ -124,7 +124,7 @@ def test_the_page_tells_numbers_and_loads_nothing(made):
     accepted = sum(s.accepted for s in searches)
     for words in (
         "min_score 0.6",
-        f"{accepted} ({100 * accepted / len(searches):.0f} %)",
+        f"{accepted} ({100 * accepted / len(searches):.0f}\N{NO-BREAK SPACE}%)",
         "no match <above> the bound",
         "Worst loop constraints",
         "Rounds of searching",
@@ -161,3 +161,13 @@ def test_whatever_a_state_lacks(made, kind):
     parse(markup)
     assert "nan" not in re.sub(r"base64,[^\"]*", "", markup).split("</style>")[1].replace("none", "")
     assert ("Pose graph" in markup) == (kind != "empty")
+
+
+def test_searches_that_were_only_counted_count(made):
+    state, searches = made
+    markup = report(RUN | {"summary": {"loop_trials": 1000}}, state=state, loop_searches=searches)
+    told = parse(markup).text
+    assert "1,000" in told
+    assert f'found nothing</td><td class="n">{1000 - len(searches):,}</td>' in markup
+    nothing = 1000 - sum(s.score > 0 for s in searches)
+    assert f"{nothing:,} more searches found nothing above their bound." in told

@@ -24,6 +24,9 @@ from slamcli.registration.volume_matching import align_with_volumes, mean_probab
 
 AGREEMENT = 0.45
 """Share of a node's points that must agree with the submap's planes, where planes are used."""
+OWN_SHARE, OWN_PROBES = 0.8, 7
+"""Where a submap's own nodes score less than the minimum over this share, it was seen too rarely for its cells to be sure of
+themselves: then this share of their score is the minimum (some of them are looked at)."""
 OPEN = "the place is open in one direction"
 NEAR_OFF_M = 1.0
 """How far the estimate may be off for planes to be tried without a search."""
@@ -55,8 +58,24 @@ class SubmapMatcher:
             )
         self._records = (high, low, histogram)
         self._high, self._low = HybridBlocks.from_record(high), HybridBlocks.from_record(low)
+        own = self._own_score(graph, members)
+        builder = parameters.pose_graph.constraint_builder
+        self._min_score = min(builder.min_score, OWN_SHARE * own)
+        self._min_score_anywhere = min(builder.global_localization_min_score, OWN_SHARE * own)
         self._search: SubmapSearch3D | None = None
         self._surfels = self._planes(graph, members) if parameters.slamcli_3d.refine_loops else None
+
+    def _own_score(self, graph: Graph3D, members: Sequence[Constraint]) -> float:
+        """Return the median score of nodes in the submap that they are part of; 1 if it has none."""
+        if not members:
+            return 1.0
+        chosen = [members[i] for i in np.unique(np.linspace(0, len(members) - 1, OWN_PROBES).astype(np.int64))]
+        clouds = [cloud_of(graph.nodes[graph.node_row(member.node)]).high_points_m for member in chosen]
+        scores = [
+            mean_probability(points, member.T_submap_node, self._high)
+            for points, member in zip(clouds, chosen, strict=True)
+        ]
+        return float(np.median(scores))
 
     def _planes(self, graph: Graph3D, members: Sequence[Constraint]) -> SurfelMap:
         p = self._p.slamcli_3d
@@ -76,7 +95,7 @@ class SubmapMatcher:
             if is_open and agreement >= AGREEMENT:
                 return None, 0.0, OPEN
             score = mean_probability(cloud.high_points_m, T, self._high)
-            if agreement >= AGREEMENT and score >= self._p.pose_graph.constraint_builder.min_score:
+            if agreement >= AGREEMENT and score >= self._min_score:
                 return T, score, ""
         if not (candidate.wide or candidate.anywhere):
             return None, 0.0, "score"
@@ -115,10 +134,9 @@ class SubmapMatcher:
     def _by_search(self, cloud: CloudForSearch, T: NDArray[np.float64], anywhere: bool) -> Found3D | str:
         if self._search is None:
             self._search = SubmapSearch3D(*self._records, search_settings(self._p))
-        builder = self._p.pose_graph.constraint_builder
         if anywhere:
-            return self._search.match_anywhere(cloud, T, builder.global_localization_min_score)
-        return self._search.match(cloud, T, builder.min_score)
+            return self._search.match_anywhere(cloud, T, self._min_score_anywhere)
+        return self._search.match(cloud, T, self._min_score)
 
 
 def search_all(

@@ -23,6 +23,8 @@ from slamcli.runtime import RunLog
 
 FEWEST_POINTS = 20
 """Fewer points than this are not matched."""
+LOST = 0.15
+"""A match with a lower score says hardly where the robot is: ten in a row are warned of."""
 BLIND_NS = 10_000_000_000
 """After so long without points it is said."""
 
@@ -149,8 +151,8 @@ class LocalSlam3D:
 
     def _watch(self, match: Match3D, sweep: Sweep) -> None:
         """Warn where scans fit what is known badly for a while."""
-        self._lost = self._lost + 1 if match.score < GOOD else 0
-        if self._lost == 5:
+        self._lost = self._lost + 1 if match.score < LOST else 0
+        if self._lost == 10:
             self._log.counts["stretches in which scans hardly fit the map"] += 1
             self._log.warn(
                 f"from {sweep.begin_ns} ns on scans hardly fit the map (score {match.score:.2f}): the path may be off from"

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from slamcli.cartographer.parameters import CartographerParameters
+from slamcli.cartographer.trimming import trimmed
 from slamcli.mapper import Mapper, MappingResult, Setup
 from slamcli.measurements import Measurement
 
@@ -12,6 +13,7 @@ class CartographerMapper:
     """Hands everything to the mapper in 2D, or in 3D where MAP_BUILDER.use_trajectory_builder_3d is set."""
 
     def __init__(self, parameters: CartographerParameters, setup: Setup) -> None:
+        self._parameters, self._setup = parameters, setup
         self._mapper: Mapper
         if parameters.map_builder.dimensions == 3:
             from slamcli.cartographer.mapper_3d import Mapper3D
@@ -28,4 +30,4 @@ class CartographerMapper:
 
     def finish(self) -> MappingResult:
         """End the run and return its result."""
-        return self._mapper.finish()
+        return trimmed(self._mapper.finish(), self._parameters, self._setup)

@@ -20,6 +20,7 @@ from slamcli.cartographer.range_data import RangeData
 from slamcli.cartographer.result_2d import mapping_result
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
 from slamcli.cartographer.state_2d import loops_of_state, parts_of_state
+from slamcli.cartographer.submaps_2d import note_of
 from slamcli.errors import EstimationError
 from slamcli.geometry import se2
 from slamcli.mapper import MappingResult, Setup
@@ -42,6 +43,9 @@ class Mapper2D:
         self._parameters, self._setup = parameters, setup
         self._sequence = ScanSequence(parameters.trajectory_builder_2d, setup)
         self._outside = Outside2d(setup)
+        note = note_of(parameters.trajectory_builder_2d.submaps)
+        if note:
+            setup.log.note(note)
 
     def process(self, measurement: Measurement) -> None:
         """Take the next measurement."""

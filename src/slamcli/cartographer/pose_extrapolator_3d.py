@@ -59,7 +59,9 @@ class PoseExtrapolator3D:
             velocity = (T_local_base[:3, 3] - self._T[:3, 3]) / dt
             self._velocity = self._velocity + VELOCITY_GAIN * (velocity - self._velocity)
             self._rate = rotation_vector(self._T[:3, :3].T @ T_local_base[:3, :3]) / dt
-        self._stamp_ns, self._T = stamp_ns, T_local_base
+        # Predictions are built on this pose, poses on predictions: rounding must not grow from one to the next.
+        upright = quaternion.normalise(quaternion.from_matrix(T_local_base[:3, :3]))
+        self._stamp_ns, self._T = stamp_ns, se3.from_position_quaternion(T_local_base[:3, 3], upright)
 
     def poses(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return ``T_local_base`` float64 (K, 4, 4) at increasing times; before the last pose velocities run backwards."""

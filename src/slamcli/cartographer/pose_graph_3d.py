@@ -88,12 +88,13 @@ class PoseGraph3D:
             return
         edges, loss = self._edges(), Loss(kind="huber", scale=self._p.pose_graph.optimization_problem.huber_scale)
         fixes, frames = self._fix_edges()
-        poses = _rows(np.concatenate([graph.T_map_submap, graph.T_map_node, frames]))
+        before, held = np.concatenate([graph.T_map_submap, graph.T_map_node, frames]), self._held(len(frames))
         solution = optimise_spatial(
-            poses, self._held(len(frames)), edges, loss=loss, max_iterations=iterations,
+            _rows(before), held, edges, loss=loss, max_iterations=iterations,
             more=[(fixes, self._fix_loss())] if len(fixes) else (), inertia=self._inertia(),
         )  # fmt: skip
         T = se3.from_position_quaternion(solution.poses[:, :3], solution.poses[:, 3:])
+        T[held.all(axis=1)] = before[held.all(axis=1)]  # to the last digit: frozen maps stay as they were saved
         count = len(graph.submaps)
         graph.T_map_submap, graph.T_map_node = T[:count], T[count : count + len(graph.nodes)]
         self.fixed_frames = dict(zip(sorted(self._fixes), T[count + len(graph.nodes) :], strict=False))

@@ -73,6 +73,17 @@ class ActiveSubmaps2d:
         self.active.append(submap)
 
 
+def note_of(parameters: Submaps2d) -> str:
+    """Return what to know of a map from such submaps; empty for nothing."""
+    options = parameters.range_data_inserter.tsdf_range_data_inserter
+    if parameters.grid_options_2d.grid_type != "TSDF" or options.update_free_space:
+        return ""
+    return (
+        f"grid_type TSDF: free space is known within {options.truncation_distance:g} m of surfaces only; for whole beams --set "
+        "TRAJECTORY_BUILDER_2D.submaps.range_data_inserter.tsdf_range_data_inserter.update_free_space=true"
+    )
+
+
 def _empty_grid(parameters: Submaps2d, centre: tuple[float, float]) -> SubmapGrid:
     options = parameters.grid_options_2d
     if options.grid_type == "PROBABILITY_GRID":

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from slamcli.errors import UsageError
 from slamcli.mapper import InputPlan, Tier
 from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud
+from slamcli.pipelines.blind_spells import BlindSpells
 from slamcli.pipelines.fixed_frame import FixedFrame
 from slamcli.pipelines.message_sampling import FixedRatioSampler, sampler_by_topic
 from slamcli.pipelines.odometry_input import moved_to, odometry_from_tf
@@ -108,7 +109,7 @@ class SensorFeed:
             yield from (measurement for measurement in track if tf_sampler.pulse())
         child_to_base = moved_to(self.recording, odometry)
         fixed = FixedFrame(self.log)
-        normalisers = self._normalisers()
+        normalisers, blind = self._normalisers(), BlindSpells(self.log)
         began = self.recording.start_ns
         for measurement in self.recording.measurements(
             self._streamed(), start_s=self.start_s, duration_s=self.duration_s, log_order=True
@@ -117,6 +118,7 @@ class SensorFeed:
                 continue
             if isinstance(measurement, LaserScan):
                 scan = normalisers[measurement.topic].normalise(measurement)
+                blind.see(scan)
                 yield cloud_of(scan) if self.plan.spatial else scan
             elif self.picks.fixes is not None and measurement.topic == self.picks.fixes.name:
                 yield from fixed.poses(measurement)
@@ -124,8 +126,11 @@ class SensorFeed:
                 yield child_to_base(measurement)
             else:
                 yield measurement
+            if isinstance(measurement, PointCloud):
+                blind.see(measurement)
             if isinstance(measurement, (LaserScan, PointCloud)):
                 self.log.progress.update((measurement.stamp_ns - began) / 1e9)
+        blind.tell()
         for normaliser in normalisers.values():
             normaliser.tell()
 

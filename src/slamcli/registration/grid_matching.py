@@ -16,6 +16,7 @@ from slamcli.grids.tsdf_grid import TsdfGrid
 from slamcli.registration import _grid_kernels as _kernels
 
 _SPREAD_STEP_M, _SPREAD_TEMPERATURE = 0.2, 0.02
+_FIT_CELLS = 3.0
 _NO_WEIGHTS = np.empty((0, 0), np.uint16)
 
 
@@ -71,15 +72,17 @@ def match_correlative(
 ) -> tuple[NDArray[np.float64], float]:
     """Return the best pose (3,) of a window around the prior, and its score: mean score times a penalty for the distance.
 
-    The mean is that of `mean_probability`; on signed distances, as in Cartographer, it is weighted by the cells' weights, so
-    that unknown cells do not count. The angular step moves the farthest point by one cell. Without points that is the prior, with a score of 0.
+    The mean is that of `mean_probability`; on signed distances, as in Cartographer, it falls up to the truncation distance
+    and is weighted by the cells' weights, so that unknown cells do not count. The angular step moves the farthest point by
+    one cell. Without points that is the prior, with a score of 0.
     """
     if len(points) == 0:
         return prior.copy(), 0.0
     s = settings
     step = angular_step(grid.resolution_m, float(np.hypot(points[:, 0], points[:, 1]).max()))
+    table = _fit_table(1.0) if isinstance(grid, TsdfGrid) else probability_table()
     x, y, yaw, best = _kernels.best_in_window(
-        grid.cells, _weights(grid), score_table(grid), *grid.origin, 1.0 / grid.resolution_m, points, prior,
+        grid.cells, _weights(grid), table, *grid.origin, 1.0 / grid.resolution_m, points, prior,
         math.ceil(s.linear_search_window_m / grid.resolution_m), grid.resolution_m,
         math.ceil(s.angular_search_window_rad / step), step, s.translation_delta_cost_weight, s.rotation_delta_cost_weight,
     )  # fmt: skip
@@ -89,7 +92,9 @@ def match_correlative(
 def mean_probability(grid: SubmapGrid, points: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
     """Return the mean score, 0.1 to 0.9, of the cells in which points (N, 2) fall when seen from `pose` (3,).
 
-    That is the probability that a cell is occupied; of signed distances it falls linearly with their size.
+    That is the probability that a cell is occupied. Of signed distances it is 0.9 on a surface and falls linearly to 0.1 at
+    three cells from it: then scores of right and of wrong places are about those of probabilities (mit-csail, aces), and
+    the same least score parts them; over the truncation distance, wrong places reach 0.6.
     """
     return float(
         _kernels.score(grid.cells, score_table(grid), *grid.origin, 1.0 / grid.resolution_m, points, *pose.tolist())
@@ -137,13 +142,17 @@ def probability_table() -> NDArray[np.float32]:
 
 def score_table(grid: SubmapGrid) -> NDArray[np.float32]:
     """Return float32 (32768,), by stored value how well a point fits into a cell, 0.1 (or unknown) to 0.9."""
-    return _fit_table() if isinstance(grid, TsdfGrid) else probability_table()
+    if not isinstance(grid, TsdfGrid):
+        return probability_table()
+    return _fit_table(min(_FIT_CELLS * grid.resolution_m / grid.truncation_distance_m, 1.0))
 
 
-@lru_cache(maxsize=1)
-def _fit_table() -> NDArray[np.float32]:
+@lru_cache(maxsize=8)
+def _fit_table(reach: float) -> NDArray[np.float32]:
+    """Return the scores of signed distances, least from `reach` on, a part of the truncation distance."""
     sizes = np.abs(np.concatenate([[1.0], np.linspace(-1.0, 1.0, 32767)]))
-    return (ProbabilityGrid.MAX_COST - (ProbabilityGrid.MAX_COST - ProbabilityGrid.MIN_COST) * sizes).astype(np.float32)
+    span = ProbabilityGrid.MAX_COST - ProbabilityGrid.MIN_COST
+    return (ProbabilityGrid.MAX_COST - span * np.minimum(sizes / reach, 1.0)).astype(np.float32)
 
 
 def _residual_table(grid: SubmapGrid) -> NDArray[np.float32]:

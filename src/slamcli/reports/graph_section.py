@@ -15,7 +15,7 @@ from slamcli.reports import page, scatter, step_charts, svg
 from slamcli.reports.figures.submaps import thumbnails
 from slamcli.reports.graph_arrays import GraphArrays, graph_arrays
 from slamcli.reports.graph_map import RESIDUAL_CLASSES, graph_map, residual_classes
-from slamcli.reports.graph_tables import graph_cards, rejections, rounds, worst_closures
+from slamcli.reports.graph_tables import graph_cards, num_trials, rejections, rounds, worst_closures
 from slamcli.reports.submap_matrix import matrix_chart, untied
 from slamcli.trajectory import Trajectory
 
@@ -36,7 +36,7 @@ def graph_sections(
     graph = graph_arrays(state, searches) if state is not None else None
     if state is None or graph is None or graph.is_empty:
         return []
-    run_nodes, began_ns = _in_run(graph, trajectory)
+    run_nodes, began_ns = nodes_in_run(graph, trajectory)
     return [
         page.section(
             "Pose graph",
@@ -63,14 +63,18 @@ _REASONS = (
 )
 
 
-def _in_run(graph: GraphArrays, trajectory: Trajectory | None) -> tuple[NDArray[np.int64], int]:
-    """Return the nodes (K,) that were made during the run, by their stamps, and when it began; all where nothing tells."""
+def nodes_in_run(graph: GraphArrays, trajectory: Trajectory | None) -> tuple[NDArray[np.int64], int]:
+    """Return the nodes (K,) that were made in the run, and when it began; all nodes where no trajectory tells.
+
+    They are those of the newest trajectory in its time: a loaded state may be of the same recording.
+    """
     order = np.argsort(graph.stamps_ns, kind="stable")
     if trajectory is None or not len(trajectory):
         return order, int(graph.stamps_ns.min(initial=np.iinfo(np.int64).max))
     first, last = int(trajectory.stamps_ns.min()), int(trajectory.stamps_ns.max())
-    stamps = graph.stamps_ns[order]
-    return order[(stamps >= first) & (stamps <= last)], int(trajectory.stamps_ns[0])
+    inside = order[(graph.stamps_ns[order] >= first) & (graph.stamps_ns[order] <= last)]
+    own = graph.trajectories[inside] == graph.trajectories[inside].max(initial=-1)
+    return inside[own], int(trajectory.stamps_ns[0])
 
 
 def _correction(graph: GraphArrays, nodes: NDArray[np.int64], began_ns: int) -> str:
@@ -115,7 +119,9 @@ def _closures(
             ("accepted", graph.scores[graph.accepted & found]),
             ("rejected", graph.scores[~graph.accepted & found]),
         ]
-        told = f"{np.count_nonzero(~found):,} more searches found nothing above their bound." if not found.all() else ""
+        trials = num_trials(searches, run.get("summary") or {})
+        nothing = trials - int(np.count_nonzero(found))
+        told = f"{nothing:,} more searches found nothing above their bound." if nothing else ""
         parts.append(
             page.figure(
                 scatter.histogram("scores of loop searches", "score", groups, limit=least),
@@ -123,7 +129,7 @@ def _closures(
                 told,
             )
         )
-        parts.append(page.figure(rejections(searches), "What became of the searches", _REASONS))
+        parts.append(page.figure(rejections(searches, trials), "What became of the searches", _REASONS))
         parts.append(page.figure(rounds(searches), "Rounds of searching") if rounds(searches) else "")
     worst = worst_closures(graph)
     parts.append(

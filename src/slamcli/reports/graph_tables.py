@@ -28,17 +28,28 @@ def graph_cards(
         (f"{loops:,}", "loop constraints", False),
     ]
     if searches:
-        accepted = int(graph.accepted.sum())
-        facts.append((f"{len(searches):,}", "loop searches", False))
-        facts.append((f"{accepted:,} ({100 * accepted / len(searches):.0f} %)", "accepted", False))
+        accepted, trials = int(graph.accepted.sum()), num_trials(searches, summary)
+        facts.append((f"{trials:,}", "loop searches", False))
+        facts.append((f"{accepted:,} ({100 * accepted / trials:.0f}\N{NO-BREAK SPACE}%)", "accepted", False))
     known = graph.residuals_m[graph.inter & np.isfinite(graph.residuals_m)]
     if len(known):
         facts.append((f"{np.median(known) * 100:.1f} cm", "median residual of loop constraints", False))
     before, after = summary.get("optimisation_cost_before"), summary.get("optimisation_cost_after")
     if isinstance(before, (int, float)) and isinstance(after, (int, float)):
-        change = f" ({100 * (after / before - 1):+.0f}\N{NO-BREAK SPACE}%)".replace("-", "−") if before > 0 else ""
+        share = 100 * (after / before - 1) if before > 0 else 0.0
+        change = (
+            f" ({share:+.{0 if abs(share) >= 1 else 1}f}\N{NO-BREAK SPACE}%)".replace("-", "−")
+            if abs(share) >= 0.05
+            else ""
+        )
         facts.append((f"{after:.3g}{change}", "cost after the last optimisation", False))
     return facts
+
+
+def num_trials(searches: Sequence[LoopSearch], summary: Mapping[str, Any]) -> int:
+    """Return how many pairs were searched: a run may only tell of those that came to something, and count the others."""
+    counted = summary.get("loop_trials")
+    return max(len(searches), counted) if isinstance(counted, int) else len(searches)
 
 
 def worst_closures(graph: GraphArrays) -> str:
@@ -79,7 +90,7 @@ def _between(graph: GraphArrays, node: int, submap: int) -> str:
     return scales.duration(abs(float(graph.elapsed_s[node] - graph.elapsed_s[middle])))
 
 
-def rejections(searches: Sequence[LoopSearch]) -> str:
+def rejections(searches: Sequence[LoopSearch], trials: int) -> str:
     """Return the table of what became of the searches: reasons, how often, and the scores among them."""
     by_reason: dict[str, list[float]] = {}
     for search in searches:
@@ -87,8 +98,9 @@ def rejections(searches: Sequence[LoopSearch]) -> str:
             by_reason.setdefault(_kind_of(search.reason), []).append(search.score)
     groups = [("accepted", [s.score for s in searches if s.accepted])]
     groups += sorted(by_reason.items(), key=lambda item: (-len(item[1]), item[0]))
+    groups.append(("found nothing", [0.0] * (trials - len(searches))))
     rows = [
-        (what, f"{len(scores):,}", f"{100 * len(scores) / len(searches):.1f} %", *_spread(scores))
+        (what, f"{len(scores):,}", f"{100 * len(scores) / trials:.1f} %", *_spread(scores))
         for what, scores in groups
         if scores
     ]
