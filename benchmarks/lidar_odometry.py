@@ -6,7 +6,7 @@
                                         [--set KEY=VALUE] [--map-set KEY=VALUE]
 
 Recordings are made in OUT where they are not there yet. Methods: `loops` is cartographer as it is, `local` without loop
-closure (POSE_GRAPH.optimize_every_n_nodes = 0), `kiss` is kiss-icp as it is (100 m, cells of 1 m, deskewing), `kiss-range` the
+closure (SLAMCLI_3D.search_rounds = 0), `kiss` is kiss-icp as it is (100 m, cells of 1 m, deskewing), `kiss-range` the
 same told the scanner's range (cells of a hundredth of it, its own rule). One line each:
 
 - ATE: root mean square of the distances between the scanned and the true positions of base_link, after the best rigid
@@ -124,7 +124,7 @@ def cartographer(bag: Path, out: Path, settings: list[str]) -> Run:
 
 
 def without_loops(bag: Path, out: Path, settings: list[str]) -> Run:
-    return cartographer(bag, out, ["POSE_GRAPH.optimize_every_n_nodes=0", *settings])
+    return cartographer(bag, out, ["SLAMCLI_3D.search_rounds=0", *settings])
 
 
 def kiss_as_it_is(bag: Path, _out: Path, _settings: list[str]) -> Run:

@@ -19,8 +19,8 @@ POSE_GRAPH = {
     },
     ceres_scan_matcher = {
       occupied_space_weight = 20.0,  -- weight of the points on obstacles, shared among them
-      translation_weight = 10.0,  -- weight of staying where the search started
-      rotation_weight = 1.0,  -- weight of keeping the heading that was predicted
+      translation_weight = 10.0,  -- weight of staying where the robot was predicted
+      rotation_weight = 1.0,  -- weight of keeping the heading that was predicted, or that the correlative search found
       ceres_solver_options = {
         use_nonmonotonic_steps = true,
         max_num_iterations = 10,  -- iterations at most
@@ -40,9 +40,9 @@ POSE_GRAPH = {
       occupied_space_weight_0 = 5.0,  -- weight of the points on obstacles of the high resolution grid
       occupied_space_weight_1 = 30.0,  -- weight of the points on obstacles of the low resolution grid
       intensity_cost_function_options_0 = {
-        weight = 0.5,  -- weight of the intensities, shared among the points
-        huber_scale = 0.3,  -- differences above it count linearly
-        intensity_threshold = 40.0,  -- brighter points are left out
+        weight = 0.5,
+        huber_scale = 0.3,
+        intensity_threshold = 40.0,
       },
       translation_weight = 10.0,  -- weight of staying where the search started
       rotation_weight = 1.0,  -- weight of keeping the orientation that was predicted

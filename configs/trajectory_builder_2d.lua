@@ -31,8 +31,8 @@ TRAJECTORY_BUILDER_2D = {
   },
   ceres_scan_matcher = {
     occupied_space_weight = 1.0,  -- weight of the points on obstacles, shared among them
-    translation_weight = 10.0,  -- weight of staying where the search started
-    rotation_weight = 40.0,  -- weight of keeping the heading that was predicted
+    translation_weight = 10.0,  -- weight of staying where the robot was predicted
+    rotation_weight = 40.0,  -- weight of keeping the heading that was predicted, or that the correlative search found
     ceres_solver_options = {
       use_nonmonotonic_steps = false,
       max_num_iterations = 20,  -- iterations at most

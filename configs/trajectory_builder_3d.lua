@@ -28,9 +28,9 @@ TRAJECTORY_BUILDER_3D = {
     occupied_space_weight_0 = 1.0,  -- weight of the points on obstacles of the high resolution grid
     occupied_space_weight_1 = 6.0,  -- weight of the points on obstacles of the low resolution grid
     intensity_cost_function_options_0 = {
-      weight = 0.5,  -- weight of the intensities, shared among the points
-      huber_scale = 0.3,  -- differences above it count linearly
-      intensity_threshold = 40.0,  -- brighter points are left out
+      weight = 0.5,
+      huber_scale = 0.3,
+      intensity_threshold = 40.0,
     },
     translation_weight = 5.0,  -- weight of staying where the search started
     rotation_weight = 400.0,  -- weight of keeping the orientation that was predicted
@@ -79,8 +79,8 @@ TRAJECTORY_BUILDER_3D = {
       hit_probability = 0.55,  -- probability that a hit multiplies in
       miss_probability = 0.49,  -- probability that a crossing multiplies in
       num_free_space_voxels = 2,  -- voxels before a hit that become freer
-      intensity_threshold = 40.0,  -- brighter points leave no intensity in the map
+      intensity_threshold = 40.0,
     },
   },
-  use_intensities = false,  -- align intensities as well
+  use_intensities = false,
 }

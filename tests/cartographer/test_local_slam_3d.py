@@ -134,6 +134,16 @@ def test_integrating_rates_equals_a_naive_twin():
     assert track.rotations(105_000_000, np.array([2 * SECOND])) is None, "no samples there"
 
 
+def test_the_gyroscope_leads_over_a_long_time_without_points():
+    track = ImuTrack(10.0, RunLog())
+    extrapolator = PoseExtrapolator3D(track)
+    extrapolator.add_pose(SECOND, np.eye(4))
+    for t in range(801):
+        track.add(imu(t * SECOND // 100, rate=(0, 0, 0.2)), np.eye(4))
+    turned = extrapolator.poses(np.array([8 * SECOND], dtype=np.int64))[0]
+    assert float(quaternion.yaw(quaternion.from_matrix(turned[:3, :3]))) == pytest.approx(1.4, abs=1e-9)
+
+
 def test_rotation_vectors_go_there_and_back():
     vectors = np.random.default_rng(2).normal(0, 0.6, (50, 3))
     np.testing.assert_allclose(

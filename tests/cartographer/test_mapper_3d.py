@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from lidar_room import Drive, Lidar, hall, imu_samples
 
+from slamcli.cartographer import _projection_kernels
 from slamcli.cartographer.cloud_grouping import CloudGrouping
 from slamcli.cartographer.graph_3d import Graph3D
 from slamcli.cartographer.map_cloud_3d import MapCloud
@@ -258,11 +259,38 @@ def test_the_band_of_the_2d_map_is_above_the_ground():
     assert value(grid, [4.6, 0.0]) == OccupancyGrid.UNKNOWN, "nothing is known behind the post"
 
 
+def test_looking_around_equals_a_naive_twin():
+    rng = np.random.default_rng(5)
+    points, origin, bins, reach = rng.uniform(-6, 6, (400, 3)), np.array([0.3, -0.2, 0.4]), 36, 5.0
+    for low, high in ((-1.0, 1.0), (-3.0, -1.0)):
+        nearest, clear, inside = np.full(bins, np.inf), np.zeros(bins), np.zeros(len(points), dtype=bool)
+        _projection_kernels.look_around(points, origin, low, high, reach, nearest, clear, inside)
+        naive_nearest, naive_clear = np.full(bins, np.inf), np.zeros(bins)
+        for p in points:
+            d = p - origin
+            distance, where = np.hypot(d[0], d[1]), int((np.arctan2(d[1], d[0]) / (2 * np.pi) + 0.5) * bins) % bins
+            if low <= p[2] <= high and distance <= reach:
+                naive_nearest[where] = min(naive_nearest[where], distance)
+            steps = np.linspace(0, 1, 20001)
+            within = (origin[2] + steps * d[2] >= low) & (origin[2] + steps * d[2] <= high)
+            if within.any():
+                naive_clear[where] = max(naive_clear[where], min(steps[within].max() * distance, reach))
+        np.testing.assert_allclose(nearest, naive_nearest)
+        np.testing.assert_allclose(clear, naive_clear, atol=2e-3)
+        flat = np.hypot(*(points - origin)[:, :2].T)
+        assert inside.tolist() == ((points[:, 2] >= low) & (points[:, 2] <= high) & (flat <= reach)).tolist()
+
+
 def test_the_cloud_keeps_one_point_per_voxel_and_moves_with_its_submap():
     cloud = MapCloud(0.5)
     points = np.random.default_rng(0).uniform(0, 2, (500, 3))
-    for _ in range(20):
-        cloud.add(Id(0, 0), np.eye(4), points, np.arange(500, dtype=np.float32))
+    for k in range(20):
+        cloud.add(
+            Id(0, 0),
+            se3.from_position_quaternion([0.5 * k, 0, 0], quaternion.from_yaw(0.0)),
+            points - [0.5 * k, 0, 0],
+            np.arange(500, dtype=np.float32),
+        )
     T = se3.from_position_quaternion([10.0, 0, 0], quaternion.from_yaw(0.0))
     made = cloud.finish({Id(0, 0): T}, 5, "map")
     assert len(made.points_m) <= 125

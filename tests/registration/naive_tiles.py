@@ -85,7 +85,7 @@ def hill_climb(score_at, pose, lstep, astep, iterations):
     return (*pose, current)
 
 
-def surfaces(view, points, pose, window, fullness, noise):
+def surfaces(view, points, pose, window, fullness, noise, tangent=1.0):
     """For each point its surface (mean, inverse covariance) or None."""
     found = []
     for point in view.place(points, pose):
@@ -93,10 +93,27 @@ def surfaces(view, points, pose, window, fullness, noise):
         if len(hits) == 0:
             found.append(None)
             continue
-        centred = hits - hits.mean(axis=0)
-        covariance = centred.T @ centred / len(hits) + noise**2 * np.eye(2)
-        found.append((hits.mean(axis=0), np.linalg.inv(covariance)))
+        covariance = spread(hits, noise)
+        wide = view.window_hits(point, 3, fullness)
+        information = np.linalg.inv(covariance)
+        if tangent != 1.0:
+            information = tangent * information if len(wide) < 3 else slippery(covariance, spread(wide, noise), tangent)
+        found.append((hits.mean(axis=0), information))
     return found
+
+
+def spread(hits, noise):
+    centred = np.array(hits) - np.mean(hits, axis=0)
+    return centred.T @ centred / len(hits) + noise**2 * np.eye(2)
+
+
+def slippery(covariance, wide, tangent):
+    """Inverse covariance whose part along the line that the wide window shows counts less, as far as that is a line."""
+    variances, axes = np.linalg.eigh(wide)
+    line = 1.0 - variances[0] / variances[1]
+    across, along = axes[:, 0], axes[:, 1]
+    least = (1.0 - (1.0 - tangent) * line) / (along @ covariance @ along)
+    return least * np.outer(along, along) + np.outer(across, across) / (across @ covariance @ across)
 
 
 def alignment_cost(view, points, pose, found, scale, prior, information):
@@ -110,14 +127,14 @@ def alignment_cost(view, points, pose, found, scale, prior, information):
     return cost
 
 
-def gauss_newton_step(view, points, pose, window, fullness, noise, scale, prior, information):
-    """One step as a weighted least-squares problem with stacked rows; returns the step and the quality before it."""
+def gauss_newton_step(view, points, pose, window, fullness, noise, scale, prior, information, tangent):
+    """One step as a weighted least-squares problem with stacked rows; returns it, the quality before it and the normal matrix."""
     rows = [np.diag(np.sqrt(information))]
     values = [-np.sqrt(information) * (np.asarray(pose) - prior)]
     quality = 0.0
     turned = view.place(points, pose) - (np.asarray(pose[:2]) - view.corner)
     for (rx, ry), point, surface in zip(
-        turned, view.place(points, pose), surfaces(view, points, pose, window, fullness, noise), strict=True
+        turned, view.place(points, pose), surfaces(view, points, pose, window, fullness, noise, tangent), strict=True
     ):
         if surface is None:
             continue
@@ -127,15 +144,16 @@ def gauss_newton_step(view, points, pose, window, fullness, noise, scale, prior,
         root = weight * np.linalg.cholesky(surface[1]).T
         rows.append(root @ np.array([[1.0, 0.0, -ry], [0.0, 1.0, rx]]))
         values.append(-root @ error)
-    step = np.linalg.lstsq(np.vstack(rows), np.concatenate(values), rcond=None)[0]
-    return step, quality / max(len(points), 1)
+    stacked = np.vstack(rows)
+    step = np.linalg.lstsq(stacked, np.concatenate(values), rcond=None)[0]
+    return step, quality / max(len(points), 1), stacked.T @ stacked
 
 
-def align(view, points, start, prior, information, window, fullness, noise, scale, max_iterations):
+def align(view, points, start, prior, information, window, fullness, noise, scale, tangent, max_iterations, normal):
     pose, quality = np.array(start, dtype=float), 0.0
     for _ in range(max_iterations):
-        step, quality = gauss_newton_step(
-            view, points, pose, window, fullness, noise, scale, np.asarray(prior), np.asarray(information)
+        step, quality, normal[:] = gauss_newton_step(
+            view, points, pose, window, fullness, noise, scale, np.asarray(prior), np.asarray(information), tangent
         )
         pose += step
         if step[:2] @ step[:2] < 1e-8 and step[2] ** 2 < 1e-8:

@@ -10,6 +10,7 @@ from slamcli.geometry import se2
 from slamcli.registration.beams import Beams
 from slamcli.registration.laser_odometry import LaserOdometry, tells_sweep
 from slamcli.runtime import RunLog
+from slamcli.trajectory.wheel_calibration import WheelCalibration
 from slamcli.trajectory.wheel_odometry import WheelOdometry
 
 PERIOD_NS = 100_000_000
@@ -94,6 +95,19 @@ def test_a_planted_clock_offset_is_found(ahead):
     assert offset.seconds == pytest.approx(ahead, abs=0.015)
     motions, _ = laser.motions(offset.seconds)
     assert_motions(motions, poses)
+
+
+def test_wheels_are_freed_of_their_errors_and_their_clock():
+    wheels = WheelCalibration(1 / 1.06, 1 / 0.9, 0.0).apply(wheels_of(400, 0.15))
+    laser, poses = odometry(400, wheels)
+    freed, offset, found = laser.calibrated(None)
+    assert offset.seconds == pytest.approx(0.15, abs=0.02)
+    assert found.turn_scale == pytest.approx(0.9, abs=0.02)
+    assert freed.wheels is not None
+    turned = np.abs(se2.wrap_angle(np.diff(freed.wheels.at(laser.stamps_ns + round(offset.seconds * 1e9))[:, 2])))
+    assert turned.sum() == pytest.approx(np.abs(se2.wrap_angle(np.diff(poses[:, 2]))).sum(), rel=0.03)
+    assert laser.calibrated(0.15)[1].seconds == 0.15
+    assert_motions(freed.motions(offset.seconds)[0], poses)
 
 
 def test_slips_are_counted_and_said():

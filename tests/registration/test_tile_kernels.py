@@ -122,23 +122,27 @@ def test_hill_climb(view, name, iterations):
         assert found[3] >= score_at(*pose)
 
 
+@pytest.mark.parametrize("tangent", [1.0, 0.25])
 @pytest.mark.parametrize("window", [0, 1, 2])
 @pytest.mark.parametrize("name", list(scans()))
-def test_align_equals_stacked_least_squares(view, name, window):
+def test_align_equals_stacked_least_squares(view, name, window, tangent):
     points = scans()[name]
     rng = np.random.default_rng(10)
     prior, start = rng.normal(0, 0.02, 3), rng.normal(0, 0.02, 3)
     for information in (np.array([400.0, 300.0, 900.0]), np.full(3, 1e6)):
         for iterations in (1, 6):
-            settings = (prior, information, window, 0.1, 0.03, 4.0, iterations)
-            found = kernels.align(view.kernel_view, points, start, *settings)
-            np.testing.assert_allclose(found, naive.align(view, points, start, *settings), atol=2e-5)
+            settings = (prior, information, window, 0.1, 0.03, 4.0, tangent, iterations)
+            normal, expected = np.zeros((3, 3)), np.zeros((3, 3))
+            found = kernels.align(view.kernel_view, points, start, *settings, normal)
+            np.testing.assert_allclose(found, naive.align(view, points, start, *settings, expected), atol=2e-5)
+            np.testing.assert_allclose(np.triu(normal), np.triu(expected), rtol=1e-3, atol=1e-2)
 
 
-def test_the_steps_right_hand_side_is_the_derivative_of_the_robust_cost(view):
+@pytest.mark.parametrize("tangent", [1.0, 0.25])
+def test_the_steps_right_hand_side_is_the_derivative_of_the_robust_cost(view, tangent):
     points = scans()["walls"]
     pose, prior, information = np.array([0.011, -0.012, 0.01]), np.zeros(3), np.array([10.0, 20.0, 30.0])
-    found = naive.surfaces(view, points, pose, 1, 0.1, 0.03)
+    found = naive.surfaces(view, points, pose, 1, 0.1, 0.03, tangent)
     gradient = np.empty(3)
     for axis in range(3):
         step = np.eye(3)[axis] * 1e-6
@@ -147,7 +151,7 @@ def test_the_steps_right_hand_side_is_the_derivative_of_the_robust_cost(view):
         )
         gradient[axis] = (up - down) / 2e-6
     hessian, right = np.diag(information), information * (pose - prior)
-    count, quality = kernels._linearise(view.kernel_view, points, *pose, 1, 0.1, 0.03**2, 4.0, hessian, right)
+    count, quality = kernels._linearise(view.kernel_view, points, *pose, 1, 0.1, 0.03**2, 4.0, tangent, hessian, right)
     np.testing.assert_allclose(right, gradient, rtol=1e-3, atol=1e-2)
     assert count == sum(surface is not None for surface in found)
     assert 0 < quality <= count
@@ -189,8 +193,9 @@ def test_match_particles_is_climb_then_alignment_then_likelihood(maps):
         view = naive.NaiveView(maps, k).kernel_view
         x, y, yaw, _ = kernels.hill_climb(view, points, directions, start[k], 1, 0.1, 0.0, 0.05, 0.05, 0.05, 1)
         expected = kernels.align(
-            view, points, np.array([x, y, yaw]), start[k], information, 1, 0.1, surface.noise_m, surface.scale, 4
-        )
+            view, points, np.array([x, y, yaw]), start[k], information, 1, 0.1, surface.noise_m, surface.scale, 1.0, 4,
+            np.zeros((3, 3)),
+        )  # fmt: skip
         np.testing.assert_array_equal(poses[k], expected[:3])
         assert scores[k] == kernels.score_pose(view, points, directions, *poses[k], 1, 0.1, 0.0, 0.05)
         assert likelihoods[k] == kernels.log_likelihood(view, points, directions, *poses[k], 1, 0.1, 0.0, 0.075)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from slamcli.cartographer.graph_2d import CELL_M, PoseGraph2d
 from slamcli.cartographer.parameters import OptimizationProblem
+from slamcli.cartographer.sensor_records_2d import tells_orientation
 from slamcli.cartographer.timeline_2d import Timeline
 from slamcli.geometry import se2
 from slamcli.measurements import StampedPose
@@ -65,7 +66,7 @@ def fixed_frame_terms(
     Parameters
     ----------
     fixes
-        In recorded order; an infinite variance of rotation means that it is not told.
+        In recorded order; whether one tells an orientation: see `tells_orientation`.
     lever
         float64 (3,), pose of the antenna in the base frame.
     """
@@ -83,7 +84,7 @@ def fixed_frame_terms(
     sigmas = np.array([_sigma_m(fix) for fix in listed])
     weights = _weights(graph, sigmas, np.array([fix.stamp_ns for fix in listed], dtype=np.int64))
     typical = float(np.nanmedian(sigmas)) if np.isfinite(sigmas).any() else _UNTOLD_SIGMA_M
-    turned = np.array([_tells_rotation(fix) for fix in listed])
+    turned = np.array([tells_orientation(fix) for fix in listed])
     frame = _lay_on(told, believed, typical)
     if frame is None and not turned.any():
         log.warn(
@@ -148,10 +149,6 @@ def _weights(graph: PoseGraph2d, sigmas: NDArray[np.float64], stamps_ns: NDArray
     period_s = float(np.median(np.diff(stamps_ns))) / 1e9 if len(stamps_ns) > 1 else _ALIKE_S
     alike = math.sqrt(max(1.0, _ALIKE_S / max(period_s, 1e-3)))
     return np.where(np.isnan(sigmas), given, as_loops / alike / sigmas)
-
-
-def _tells_rotation(fix: StampedPose) -> bool:
-    return fix.covariance is None or math.isfinite(float(fix.covariance[5, 5]))
 
 
 def _lay_on(told: NDArray[np.float64], believed: NDArray[np.float64], sigma_m: float) -> NDArray[np.float64] | None:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,13 @@ from slamcli.geometry import se2
 from slamcli.grids.submap_grid import SubmapGrid
 from slamcli.posegraph import Id
 from slamcli.posegraph.losses import Loss
-from slamcli.posegraph.planar import PlanarEdges, PlanarSolution, optimise_planar
+from slamcli.posegraph.planar import PlanarEdges, PlanarSolution, optimise_planar, rows
 from slamcli.posegraph.planar_start import start_planar
 
 CELL_M = 0.05
 """A loop whose position is known to a cell counts fully."""
+_TURN_RAD_M = 0.2
+"""How uncertain the heading is where the position is by a metre and scans told neither."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +86,8 @@ class PoseGraph2d:
     """Further terms between nodes and poses of `extra`; rows count submaps, nodes, then extra poses."""
     extra: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     """float64 (E, 3), poses of landmarks and fixed frames."""
+    extra_held: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    """bool (E,), those that the adjustment must not move."""
 
     def __post_init__(self) -> None:
         parts = self.parts
@@ -106,23 +111,41 @@ class PoseGraph2d:
     def fixed(self) -> NDArray[np.bool_]:
         """Bool (S + N + E,): what the adjustment must not move: frozen trajectories, else the first submap."""
         frozen = np.array([part.frozen for part in self.parts], np.bool_)
-        fixed = np.concatenate([frozen[self.submap_part], frozen[self.node_part], np.zeros(len(self.extra), np.bool_)])
-        if not fixed.any():
+        fixed = np.concatenate([frozen[self.submap_part], frozen[self.node_part], self.extra_held])
+        if not frozen.any():
             fixed[0] = True
         return fixed
+
+    def add_terms(
+        self,
+        terms: Sequence[tuple[PlanarEdges, Loss]],
+        extra: NDArray[np.float64],
+        held: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Add terms with further poses (K, 3), which come after those of `extra`, and which of them (K,) are held."""
+        self.more = [*self.more, *terms]
+        self.extra = np.concatenate([self.extra, extra])
+        self.extra_held = np.concatenate([self.extra_held, np.zeros(len(extra), np.bool_) if held is None else held])
+
+    @property
+    def unit(self) -> float:
+        """Weight, per metre, of a deviation of one metre: as loops weigh, which are known to a cell."""
+        return max(CELL_M * self.parameters.constraint_builder.loop_closure_translation_weight, 1.0)
 
     def prior(self, submap: int, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return where nodes (K,) are believed to be in a submap's grid, float64 (K, 3), in its local frame."""
         T_local_map = se2.compose(self.submap_local[submap], se2.inverse(self.submap[submap]))
         return se2.compose(T_local_map[None], self.node[nodes])
 
-    def optimise(self, iterations: int) -> PlanarSolution:
-        """Adjust all poses that are not fixed."""
+    def optimise(self, iterations: int, known: NDArray[np.bool_] | None = None) -> PlanarSolution:
+        """Adjust all poses that are not fixed; of these only those that are `known`, bool (S + N + E,), if it is given."""
         o = self.parameters.optimization_problem
         poses = np.concatenate([self.submap, self.node, self.extra])
         groups = [(self._local_edges(o), Loss()), *self.more]
         if self.loops:
             groups.insert(1, (self._loop_edges(), Loss(kind="huber", scale=o.huber_scale)))
+        if known is not None:
+            groups = [(_among(edges, known), loss) for edges, loss in groups]
         (edges, loss), *more = groups
         start = start_planar(poses, self.fixed, edges, loss=loss, more=more)
         solution = optimise_planar(start, self.fixed, edges, loss=loss, more=more, max_iterations=iterations)
@@ -151,22 +174,33 @@ class PoseGraph2d:
             se2.between(self.submap_local[submaps], self.node_local[nodes]),
             se2.between(self.node_local[after - 1], self.node_local[after]),
         ]
-        translation = o.local_slam_pose_translation_weight
+        unit = self.unit
+        blind, local = self._blind_m(submaps, nodes), o.local_slam_pose_translation_weight
         return PlanarEdges(
             first=np.concatenate([submaps, after - 1 + count]),
             second=np.concatenate([nodes, after]) + count,
             measured=np.concatenate(measured),
             translation_weight=np.concatenate(
-                [np.full(len(nodes), p.matcher_translation_weight), translation / np.hypot(1.0, slack * translation)]
+                [_softened(p.matcher_translation_weight, unit, blind), _softened(local, unit, slack)]
             ),
             rotation_weight=np.concatenate(
                 [
-                    np.full(len(nodes), p.matcher_rotation_weight),
-                    o.local_slam_pose_rotation_weight / np.hypot(1.0, slack * o.local_slam_pose_rotation_weight),
+                    _softened(p.matcher_rotation_weight, unit, _TURN_RAD_M * blind),
+                    _softened(o.local_slam_pose_rotation_weight, unit, _TURN_RAD_M * slack),
                 ]
             ),
             robust=np.zeros(len(nodes) + len(after), np.bool_),
         )
+
+    def _blind_m(self, submaps: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return how uncertain nodes are in submaps (K,) that hold them: the way since scans last told where the robot was."""
+        slack = np.concatenate([part.slack_m for part in self.parts])
+        told = np.maximum.accumulate(np.where(slack == 0.0, np.arange(len(slack)), 0))
+        firsts = np.full(len(self.submap), len(slack) - 1, dtype=np.int64)
+        np.minimum.at(firsts, submaps, nodes)
+        variance = np.cumsum(slack**2)
+        since = np.maximum(told[nodes], firsts[submaps])
+        return np.sqrt(np.maximum(variance[nodes] - variance[since], 0.0))
 
     def _loop_edges(self) -> PlanarEdges:
         b, loops = self.parameters.constraint_builder, self.loops
@@ -185,6 +219,22 @@ class PoseGraph2d:
             robust=ones > 0,
             information=information,
         )
+
+
+def _softened(weight: float, unit: float, uncertain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weights (K,) of measurements to whose deviation, unit / weight, another one is added."""
+    return np.asarray(weight / np.hypot(1.0, uncertain * weight / unit))
+
+
+def _among(edges: PlanarEdges, known: NDArray[np.bool_]) -> PlanarEdges:
+    """Return the edges all of whose poses are known; the other poses are then tied to nothing, and stay."""
+    of = rows(edges)
+    kept = np.all(known[of] | (of < 0), axis=1)
+    values: dict[str, Any] = {}
+    for field_ in fields(edges):
+        value = getattr(edges, field_.name)
+        values[field_.name] = None if value is None else value[kept]
+    return PlanarEdges(**values)
 
 
 def _inverse_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,6 +15,8 @@ from slamcli.runtime import RunLog
 STANDARD_GRAVITY_M_S2 = 9.80665
 KEPT_NS = 2_000_000_000
 """How long samples are kept: longer than the gap between two scans."""
+LONGEST_KEPT_NS = 60_000_000_000
+"""Where the range sensor sees nothing they are kept since then, but no longer than this."""
 LONGEST_GAP_NS = 200_000_000
 """Over a longer time without a sample the gyroscope is not asked."""
 BIAS_TIME_CONSTANT_S = 10.0
@@ -26,7 +28,7 @@ class ImuTrack:
     """The last samples of one IMU, in the base frame, and what was learnt about its errors."""
 
     def __init__(self, gravity_time_constant_s: float, log: RunLog) -> None:
-        self._constant_s, self._log = gravity_time_constant_s, log
+        self._constant_s, self.log = gravity_time_constant_s, log
         self._stamps: deque[int] = deque()
         self._rates: deque[NDArray[np.float64]] = deque()
         self._forces: deque[NDArray[np.float64]] = deque()
@@ -38,6 +40,8 @@ class ImuTrack:
         self._disagreements = np.zeros(2)
         self._comparisons = 0
         self.trusted = True
+        self.needed_since_ns = 0
+        """Time of the last pose: rotations are asked for from there on."""
 
     def __len__(self) -> int:
         return len(self._stamps)
@@ -45,17 +49,18 @@ class ImuTrack:
     def add(self, sample: ImuSample, T_base_imu: NDArray[np.float64]) -> None:
         """Take the next sample; one that is not finite, or not later than the one before, is left out and counted."""
         if not (np.isfinite(sample.angular_rad_s).all() and np.isfinite(sample.acceleration_m_s2).all()):
-            self._log.counts["IMU samples that are not finite"] += 1
+            self.log.counts["IMU samples that are not finite"] += 1
             return
         if self._stamps and sample.stamp_ns <= self._stamps[-1]:
-            self._log.counts["IMU samples that are not later than the one before"] += 1
+            self.log.counts["IMU samples that are not later than the one before"] += 1
             return
         if self._stamps and sample.stamp_ns - self._stamps[-1] > LONGEST_GAP_NS:
-            self._log.counts["gaps in the IMU"] += 1
+            self.log.counts["gaps in the IMU"] += 1
         self._stamps.append(sample.stamp_ns)
         self._rates.append(T_base_imu[:3, :3] @ sample.angular_rad_s)
         self._forces.append(T_base_imu[:3, :3] @ sample.acceleration_m_s2)
-        while self._stamps[0] < sample.stamp_ns - KEPT_NS:
+        since = max(self.needed_since_ns, sample.stamp_ns - LONGEST_KEPT_NS)
+        while self._stamps[0] < min(since, sample.stamp_ns - KEPT_NS):
             for samples in (self._stamps, self._rates, self._forces):
                 samples.popleft()
 
@@ -82,11 +87,9 @@ class ImuTrack:
         size = float(np.linalg.norm(mean))
         if 0.85 < size < 1.15:
             self._force_scale = STANDARD_GRAVITY_M_S2
-            self._log.warn(
-                f"the IMU feels {size:.2f} at the start: its accelerations are taken as multiples of gravity"
-            )
+            self.log.warn(f"the IMU feels {size:.2f} at the start: its accelerations are taken as multiples of gravity")
         elif not 7.0 < size < 13.0:
-            self._log.warn(
+            self.log.warn(
                 f"the IMU feels {size:.2f} m/s² at the start, not gravity: its gyroscope is used, and the start is"
                 " taken as level"
             )
@@ -150,7 +153,7 @@ class ImuTrack:
         error, plain = self._disagreements
         if self._comparisons >= 40 and error > TRUSTED_TURN_RAD and error > 3.0 * plain:
             self.trusted = False
-            self._log.warn(
+            self.log.warn(
                 f"the gyroscope disagrees with the scans by {error:.3f} rad per scan, constant velocity by {plain:.3f}:"
                 " it is not used from here on (wrong axes, unit or clock?)"
             )

@@ -36,12 +36,12 @@ def join_trajectories(graph: PoseGraph2d, executor: Executor, log: RunLog) -> No
     Frozen trajectories are searched, not moved. What is not found stays where it is, with a warning. Which nodes are
     searched does not depend on the executor, nor does the result.
     """
-    placed, open_ = _tied(graph)
+    placed, open_ = tied_parts(graph)
     while open_ and placed:
         joined = [part for part in open_ if _join(graph, part, placed, executor)]
         if not joined:
             break
-        placed, open_ = _tied(graph)
+        placed, open_ = tied_parts(graph)
     for part in open_:
         if not graph.parts[part].frozen:
             log.warn(
@@ -50,8 +50,8 @@ def join_trajectories(graph: PoseGraph2d, executor: Executor, log: RunLog) -> No
             )
 
 
-def _tied(graph: PoseGraph2d) -> tuple[set[int], list[int]]:
-    """Return the parts that loops tie to the first one or that are frozen, and all others."""
+def tied_parts(graph: PoseGraph2d) -> tuple[set[int], list[int]]:
+    """Return the parts (their rows) that loops tie to the first one or that are frozen, and all others."""
     placed = {0} | {k for k, part in enumerate(graph.parts) if part.frozen}
     pairs = {(int(graph.submap_part[loop.submap]), int(graph.node_part[loop.node])) for loop in graph.loops}
     while True:

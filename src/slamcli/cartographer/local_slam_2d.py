@@ -111,7 +111,8 @@ class LocalSlam2d:
         start = predicted
         if self._parameters.use_online_correlative_scan_matching:
             start, _ = match_correlative(submap.grid, chosen, predicted, self._window)
-        pose, _ = match_least_squares(submap.grid, chosen, start, predicted, self._match)
+        prior = np.append(predicted[:2], start[2])  # the search knows the heading better than the prediction
+        pose, _ = match_least_squares(submap.grid, chosen, start, prior, self._match)
         return pose
 
     def _has_moved(self, stamp_ns: int) -> bool:

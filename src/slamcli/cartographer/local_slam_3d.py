@@ -88,6 +88,7 @@ class LocalSlam3D:
         self._next_node = first_node
         self._last_node: tuple[int, NDArray[np.float64]] | None = None
         self._lost = 0
+        self._blind_since_ns = 0  # the last pose before the blindness that was last told of
 
     def add_sweep(self, sweep: Sweep) -> LocalStep:
         """Match the next sweep and put it into the submaps if the robot has moved."""
@@ -100,8 +101,9 @@ class LocalSlam3D:
         predicted = self.extrapolator.poses(knots)
         if not usable:
             self._log.counts["sweeps with too few points within range"] += 1
-            if before_ns is not None and sweep.end_ns - before_ns > BLIND_NS:
-                self._log.warn(f"the range sensor sees nothing for more than 10 s before {sweep.end_ns} ns")
+            if before_ns is not None and sweep.end_ns - before_ns > BLIND_NS and self._blind_since_ns != before_ns:
+                self._blind_since_ns = before_ns
+                self._log.warn(f"the range sensor sees nothing for more than 10 s from {before_ns / 1e9:.3f} s on")
             return self._step(sweep, knots, predicted, math.nan, None)
         if before_ns is None or submap is None:
             poses, score = predicted, 1.0

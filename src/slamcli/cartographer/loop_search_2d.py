@@ -50,11 +50,21 @@ class Found:
     """Why it is not believed; empty if it is."""
 
 
-def search(graph: PoseGraph2d, trials: Mapping[int, Sequence[Trial]], executor: Executor, round_: int) -> list[Found]:
-    """Return what trials by submap (its row) found, by submap and in the order of the trials, whatever the executor."""
+def search(
+    graph: PoseGraph2d,
+    trials: Mapping[int, Sequence[Trial]],
+    executor: Executor,
+    round_: int,
+    *,
+    ambiguity: bool = True,
+) -> list[Found]:
+    """Return what trials by submap (its row) found, by submap and in the order of the trials, whatever the executor.
+
+    Without `ambiguity` every match counts in all directions alike, and that of the search before the refinement decides.
+    """
 
     def work(submap: int) -> list[Found]:
-        return _Searcher(graph, submap, round_).search(trials[submap])
+        return _Searcher(graph, submap, round_, ambiguity).search(trials[submap])
 
     return [found for part in executor.map(work, sorted(trials)) for found in part]
 
@@ -62,8 +72,8 @@ def search(graph: PoseGraph2d, trials: Mapping[int, Sequence[Trial]], executor: 
 class _Searcher:
     """Looks for nodes in one submap; its precomputed grids live as long as it does."""
 
-    def __init__(self, graph: PoseGraph2d, submap: int, round_: int) -> None:
-        self._graph, self._submap, self._round = graph, submap, round_
+    def __init__(self, graph: PoseGraph2d, submap: int, round_: int, ambiguity: bool) -> None:
+        self._graph, self._submap, self._round, self._ambiguity = graph, submap, round_, ambiguity
         self._grid = graph.grids[submap]
         self._precomputed: PrecomputedGrids | None = None
         builder: ConstraintBuilder = graph.parameters.constraint_builder
@@ -95,9 +105,11 @@ class _Searcher:
         score = mean_probability(self._grid, points, pose)
         if near and score < trial.min_score:
             return None
+        relative = se2.between(self._graph.submap_local[self._submap], pose)
+        if not self._ambiguity:
+            return Found(Loop(self._submap, trial.node, relative, np.zeros((2, 2)), score, self._round), "")
         window = min(max(trial.linear_m, 1.0), _WIDEST_SPREAD_M)
         spread = position_spread(self._grid, points, pose, window)
-        relative = se2.between(self._graph.submap_local[self._submap], pose)
         c, s = math.cos(relative[2]), math.sin(relative[2])
         axes = np.array([[c, -s], [s, c]])
         loop = Loop(self._submap, trial.node, relative, axes.T @ spread @ axes, score, self._round)

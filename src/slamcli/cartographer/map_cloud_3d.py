@@ -14,6 +14,8 @@ from slamcli.registration.voxel_filter import voxel_filter
 
 PENDING = 8
 """Scans are thinned together with what is there in batches of so many."""
+SPACING_M = 0.3
+"""Scans from closer together see the same surfaces: only every so often one is taken."""
 
 
 class MapCloud:
@@ -23,6 +25,7 @@ class MapCloud:
         self._voxel_m = voxel_m
         self._kept: dict[Id, NDArray[np.float32]] = {}
         self._pending: dict[Id, list[NDArray[np.float32]]] = {}
+        self._last: tuple[Id, NDArray[np.float64]] | None = None
 
     def add(
         self,
@@ -31,7 +34,11 @@ class MapCloud:
         points_m: NDArray[np.float64],
         intensities: NDArray[np.float32],
     ) -> None:
-        """Add a node's points (N, 3), base frame, and their intensities (N,)."""
+        """Add a node's points (N, 3), base frame, and their intensities (N,), unless the last ones are from close by."""
+        place = T_submap_node[:3, 3]
+        if self._last is not None and self._last[0] == submap and np.linalg.norm(place - self._last[1]) < SPACING_M:
+            return
+        self._last = submap, place
         moved = points_m @ T_submap_node[:3, :3].T + T_submap_node[:3, 3]
         rows = np.column_stack([moved.astype(np.float32), intensities])
         pending = self._pending.setdefault(submap, [])

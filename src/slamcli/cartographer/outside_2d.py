@@ -6,7 +6,7 @@ Each landmark and the origin of each trajectory's fixed frame is a further pose 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from slamcli.cartographer.fixed_frames_2d import FixedFrame, fixed_frame_terms
 from slamcli.cartographer.graph_2d import PoseGraph2d
-from slamcli.cartographer.landmarks_2d import landmark_terms, mounted
+from slamcli.cartographer.landmarks_2d import LandmarkTerms, landmark_terms, mounted
+from slamcli.cartographer.sensor_records_2d import robot_pose, with_records
 from slamcli.cartographer.timeline_2d import Timeline
 from slamcli.geometry import se3
 from slamcli.mapper import Setup
@@ -31,7 +32,7 @@ class Outside2d:
     setup: Setup
     _landmarks: list[Landmarks] = field(default_factory=list)
     _fixes: list[StampedPose] = field(default_factory=list)
-    _names: tuple[str, ...] = ()
+    _found: LandmarkTerms | None = None
     _frames: tuple[FixedFrame, ...] = ()
 
     def add(self, measurement: Landmarks | StampedPose) -> None:
@@ -65,19 +66,19 @@ class Outside2d:
         rows = np.flatnonzero(graph.node_part == len(graph.parts) - 1)
         timelines[own.trajectory] = Timeline.of_scans(rows, own.node_local, stamps_ns, poses, node_scans)
         observations, fixes = self._of_trajectories(graph)
-        landmarks = landmark_terms(graph, timelines, observations)
+        known = {} if self.setup.state is None else self.setup.state.landmarks
+        self._found = landmarks = landmark_terms(graph, timelines, observations, known)
         if landmarks is not None:
-            self._names = landmarks.names
-            graph.extra = np.concatenate([graph.extra, landmarks.poses])
-            graph.more = [*graph.more, landmarks.term]
+            graph.add_terms([landmarks.term], landmarks.poses, landmarks.held)
+        elif any(seen.observations for seen in self._landmarks):
+            self.setup.log.warn("no landmark was seen with a weight while there were scans: they are not used")
         frames = []
         for trajectory, listed in fixes.items():
             lever = self._lever(listed) if trajectory == graph.parts[-1].trajectory else np.zeros(3)
             found = fixed_frame_terms(graph, timelines[trajectory], listed, lever, self.setup.log)
             if found is not None:
                 frames.append(replace(found, trajectory=trajectory))
-                graph.extra = np.concatenate([graph.extra, found.poses])
-                graph.more = [*graph.more, *found.terms]
+                graph.add_terms(found.terms, found.poses)
         self._frames = tuple(frames)
 
     def kept(self, graph: PoseGraph2d, state: MapState) -> MapState:
@@ -88,19 +89,22 @@ class Outside2d:
         for frame in self._frames:
             before = data.get(frame.trajectory, TrajectoryData())
             data[frame.trajectory] = replace(before, T_map_fixed_frame=se3.from_se2(extra[frame.row]))
+        found = {} if self._found is None else self._found.transforms(extra[: len(self._found.names)])
+        mounts = self.setup.T_base_sensor
+        fixes = [robot_pose(fix, np.asarray(mounts.get(fix.topic, np.eye(4)))) for fix in self._fixes]
         return replace(
             state,
-            landmarks={**state.landmarks, **{name: se3.from_se2(extra[k]) for k, name in enumerate(self._names)}},
-            landmark_observations=_with(state.landmark_observations, own, self._landmarks),
-            fixed_frame_poses=_with(state.fixed_frame_poses, own, self._fixes),
+            landmarks={**state.landmarks, **found},
+            landmark_observations=with_records(state.landmark_observations, own, self._landmarks),
+            fixed_frame_poses=with_records(state.fixed_frame_poses, own, fixes),
             trajectory_data=data,
         )
 
     def summary(self, graph: PoseGraph2d) -> dict[str, Any]:
         """Return figures for ``run.json``; nothing where nothing was used."""
         found: dict[str, Any] = {}
-        if self._names:
-            found["landmarks"] = len(self._names)
+        if self._found is not None:
+            found["landmarks"] = len(self._found.names)
         if self._frames:
             distances = np.concatenate([frame.distances_m(graph.extra) for frame in self._frames])
             found["fixes"] = len(distances)
@@ -134,7 +138,3 @@ class Outside2d:
         """Return the mount of the receiver, float64 (3,)."""
         topic = fixes[0].topic if fixes else ""
         return se3.to_se2(np.asarray(self.setup.T_base_sensor.get(topic, np.eye(4))))
-
-
-def _with(before: Mapping[int, tuple[Any, ...]], trajectory: int, listed: Sequence[Any]) -> dict[int, tuple[Any, ...]]:
-    return {**before, trajectory: tuple(listed)} if listed else dict(before)

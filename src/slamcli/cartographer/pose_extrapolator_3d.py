@@ -14,6 +14,8 @@ from slamcli.measurements import Odometry
 
 LONGEST_COAST_NS = 1_000_000_000
 """A velocity holds no longer than this without a new pose."""
+LEAP_M, LEAP_M_S2 = 0.5, 50.0
+"""A step of odometry that is longer, and would need more acceleration than five times gravity, was not driven."""
 VELOCITY_GAIN = 0.5
 """How much of a new velocity is believed: where a corridor leaves its length open, the noise of the last step would go on."""
 
@@ -32,6 +34,7 @@ class PoseExtrapolator3D:
         self._velocity = np.zeros(3)
         self._rate = np.zeros(3)
         self._odometry: deque[tuple[int, NDArray[np.float64]]] = deque()
+        self._T_shifted = np.eye(4)  # what takes leaps out of odometry
 
     @property
     def stamp_ns(self) -> int | None:
@@ -47,10 +50,38 @@ class PoseExtrapolator3D:
         """Take the next odometry pose; one that is not later than the one before is left out."""
         if self._odometry and sample.stamp_ns <= self._odometry[-1][0]:
             return
-        T = se3.from_position_quaternion(sample.position_m, quaternion.normalise(sample.quat_xyzw))
+        T = self._T_shifted @ se3.from_position_quaternion(sample.position_m, quaternion.normalise(sample.quat_xyzw))
+        if len(self._odometry) > 1 and (leap_m := self._leap(sample.stamp_ns, T)) > 0:
+            driven = self._driven(sample.stamp_ns)
+            self._T_shifted = driven @ se3.inverse(T) @ self._T_shifted
+            T = driven
+            if not self.imu.log.counts["leaps of odometry"]:
+                self.imu.log.warn(
+                    f"odometry leaps by {leap_m:.1f} m at {sample.stamp_ns / 1e9:.3f} s: it is followed as if it had not"
+                )
+            self.imu.log.counts["leaps of odometry"] += 1
         self._odometry.append((sample.stamp_ns, T))
-        while len(self._odometry) > 2 and self._odometry[1][0] < sample.stamp_ns - 2 * LONGEST_COAST_NS:
+        # What came since the last pose stays: it leads over a time in which the range sensor saw nothing.
+        enough_ns = min(
+            sample.stamp_ns - 2 * LONGEST_COAST_NS, sample.stamp_ns if self._stamp_ns is None else self._stamp_ns
+        )
+        while len(self._odometry) > 2 and self._odometry[1][0] < enough_ns:
             self._odometry.popleft()
+
+    def _leap(self, stamp_ns: int, T: NDArray[np.float64]) -> float:
+        """Return how far odometry moved, metres, if nothing can move like that; else 0."""
+        (_, before), (last_ns, last) = self._odometry[-2], self._odometry[-1]
+        dt, dt_before = (stamp_ns - last_ns) * 1e-9, (last_ns - self._odometry[-2][0]) * 1e-9
+        moved, moved_before = np.linalg.norm(T[:3, 3] - last[:3, 3]), np.linalg.norm(last[:3, 3] - before[:3, 3])
+        needed = (moved / dt - moved_before / dt_before) / dt
+        return float(moved) if moved > LEAP_M and needed > LEAP_M_S2 else 0.0
+
+    def _driven(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Return where the last motion of odometry leads to, (4, 4)."""
+        (before_ns, before), (last_ns, last) = self._odometry[-2], self._odometry[-1]
+        step, share = se3.inverse(before) @ last, (stamp_ns - last_ns) / (last_ns - before_ns)
+        turn = from_rotation_vector(share * rotation_vectors(step[None, :3, :3]))
+        return last @ se3.from_position_quaternion(share * step[:3, 3], turn[0])
 
     def add_pose(self, stamp_ns: int, T_local_base: NDArray[np.float64]) -> None:
         """Take a matched pose; velocities are those between it and the pose before."""
@@ -62,6 +93,7 @@ class PoseExtrapolator3D:
         # Predictions are built on this pose, poses on predictions: rounding must not grow from one to the next.
         upright = quaternion.normalise(quaternion.from_matrix(T_local_base[:3, :3]))
         self._stamp_ns, self._T = stamp_ns, se3.from_position_quaternion(T_local_base[:3, 3], upright)
+        self.imu.needed_since_ns = stamp_ns
 
     def poses(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return ``T_local_base`` float64 (K, 4, 4) at increasing times; before the last pose velocities run backwards."""

@@ -64,8 +64,10 @@ class PoseGraph3D:
         self.fixed_frames: dict[int, NDArray[np.float64]] = {}
 
     def finish(self) -> None:
-        """Search all pairs and adjust the poses, again and again until nothing is added."""
-        rounds = max(1, self._p.slamcli_3d.search_rounds)
+        """Search all pairs and adjust the poses, again and again until nothing is added; no rounds leave local SLAM's poses."""
+        rounds = self._p.slamcli_3d.search_rounds
+        if rounds and not self._p.pose_graph.batch_search.enabled:
+            rounds = 1
         iterations = self._p.pose_graph.max_num_final_iterations
         tried: set[tuple[Id, Id]] = {(c.submap, c.node) for c in self.graph.constraints}
         for number in range(rounds):

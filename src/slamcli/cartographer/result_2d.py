@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from slamcli.cartographer.closing_2d import BatchClosing2d
 from slamcli.cartographer.graph_2d import PoseGraph2d
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
+from slamcli.cartographer.online_closing_2d import OnlineClosing2d
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
 from slamcli.cartographer.state_2d import state_of_graph
 from slamcli.mapper import MappingResult, Setup
@@ -28,7 +29,7 @@ def mapping_result(
     local: LocalSlam2d,
     matched: NDArray[np.int64],
     graph: PoseGraph2d,
-    closing: BatchClosing2d,
+    closing: BatchClosing2d | OnlineClosing2d,
     solution: PlanarSolution,
     poses: NDArray[np.float64],
 ) -> MappingResult:
@@ -68,7 +69,7 @@ def _columns(
     return columns
 
 
-def _searches(graph: PoseGraph2d, closing: BatchClosing2d) -> tuple[LoopSearch, ...]:
+def _searches(graph: PoseGraph2d, closing: BatchClosing2d | OnlineClosing2d) -> tuple[LoopSearch, ...]:
     submaps = [key for part in graph.parts for key in part.submap_ids]
     nodes = [key for part in graph.parts for key in part.node_ids]
     distance, turn = graph.residuals()
@@ -91,7 +92,11 @@ def _searches(graph: PoseGraph2d, closing: BatchClosing2d) -> tuple[LoopSearch, 
 
 
 def _summary(
-    motions: Motions, local: LocalSlam2d, graph: PoseGraph2d, closing: BatchClosing2d, solution: PlanarSolution
+    motions: Motions,
+    local: LocalSlam2d,
+    graph: PoseGraph2d,
+    closing: BatchClosing2d | OnlineClosing2d,
+    solution: PlanarSolution,
 ) -> dict[str, Any]:
     summary: dict[str, Any] = {
         "scans": len(motions.motions),

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,10 +37,15 @@ class Motions:
     """How the robot moved, and how that is known."""
 
     motions: NDArray[np.float64]
-    """float64 (N, 3), from each scan to the next one's place: row k leads to scan k."""
+    """float64 (N, 3), from each scan to the next one's place: row k leads to scan k. Where nothing tells them, local SLAM
+    fills them in, as far as it got."""
     slack_m: NDArray[np.float64]
     """float64 (N,), how uncertain the motion is where scans did not tell it, else 0."""
     steps: list[ScanStep]
+    extrapolated: bool = False
+    """Whether nothing tells the motions: neither scans nor wheels."""
+    turns_told: bool = False
+    """Whether a gyroscope tells the turns where the motions are extrapolated."""
     offset_s: float = 0.0
     calibration: WheelCalibration | None = None
 
@@ -76,6 +82,22 @@ class ScanSequence:
         """The stamps of the scans as they were recorded."""
         return [scan.stamp_ns for scan in self.scans]
 
+    @property
+    def odometry(self) -> Sequence[Odometry]:
+        """The odometry as it was recorded."""
+        return self._odometry
+
+    @property
+    def imu(self) -> Sequence[ImuSample]:
+        """The samples of the IMU, if it is used (after `prepare`)."""
+        return self._imu if self._attitude is not None else ()
+
+    def wheel_poses(self, scans: NDArray[np.int64], offset_s: float) -> NDArray[np.float64] | None:
+        """Return where the calibrated odometry has scans, float64 (K, 3); None without odometry (after `prepare`)."""
+        if self._laser is None or self._laser.wheels is None:
+            return None
+        return self._laser.wheels.at(self.stamps_ns[scans] + round(offset_s * 1e9))
+
     def prepare(self) -> Motions:
         """Put the clocks in order and return how the robot moved.
 
@@ -104,7 +126,10 @@ class ScanSequence:
         self._laser = laser
         if not p.scan_odometry.enabled:
             motions = self._predicted(laser, offset_s)
-            found = Motions(motions=motions, slack_m=np.zeros(len(motions)), steps=[], offset_s=offset_s)
+            found = Motions(
+                motions=motions, slack_m=np.zeros(len(motions)), steps=[], offset_s=offset_s,
+                extrapolated=laser.wheels is None, turns_told=laser.yaws is not None,
+            )  # fmt: skip
         else:
             motions, steps = laser.motions(offset_s)
             found = Motions(

@@ -13,14 +13,27 @@ FARTHEST_M = 0.9
 
 
 @njit(cache=True, nogil=True)
-def add_slice(points, order, histogram):
-    """Add the directions between successive points (N, 2), taken in `order` around their centroid, to the histogram."""
-    n = len(points)
+def add_slices(points, rows, ends, histogram):
+    """Add the directions in all slices: `rows` of points (N, 3), slice by slice, each up to its end."""
+    first = 0
+    for k in range(len(ends)):
+        _add_slice(points, rows[first : ends[k]], histogram)
+        first = ends[k]
+
+
+@njit(cache=True, nogil=True)
+def _add_slice(points, rows, histogram):
+    """Add the directions between successive points of one slice, taken around their centroid, to the histogram."""
+    n = len(rows)
     cx, cy = 0.0, 0.0
     for i in range(n):
-        cx += points[i, 0]
-        cy += points[i, 1]
+        cx += points[rows[i], 0]
+        cy += points[rows[i], 1]
     cx, cy = cx / n, cy / n
+    angles = np.empty(n)
+    for i in range(n):
+        angles[i] = math.atan2(points[rows[i], 1] - cy, points[rows[i], 0] - cx)
+    order = rows[np.argsort(angles, kind="mergesort")]
     last = -1
     for i in range(n):
         row = order[i]

@@ -193,7 +193,7 @@ def _surface(view, px, py, window, fullness, noise2, tangent):
     """Mean and inverse covariance of the mean hits around (px, py): count, x, y relative to the point, and ixx ixy iyy.
 
     Along the surface, the direction in which hits in a wider window spread most, the information counts by `tangent` only,
-    as far as they form a line; all of it where there are too few to tell.
+    as far as they form a line; where there are too few to tell, in every direction.
     """
     cells, table, _, _, delta, inverse = view
     low_i, low_j = math.floor(py * inverse) - window, math.floor(px * inverse) - window

@@ -26,10 +26,8 @@ def rotational_histogram(points_m: NDArray[np.float64], size: int) -> NDArray[np
     if len(points_m):
         layers = np.floor(points_m[:, 2] / SLICE_M + 0.5).astype(np.int64)
         by_layer = np.argsort(layers, kind="stable")
-        for rows in np.split(by_layer, np.flatnonzero(np.diff(layers[by_layer])) + 1):
-            flat = np.ascontiguousarray(points_m[rows, :2], dtype=np.float64)
-            around = flat - flat.mean(axis=0)
-            kernels.add_slice(flat, np.argsort(np.arctan2(around[:, 1], around[:, 0]), kind="stable"), histogram)
+        ends = np.append(np.flatnonzero(np.diff(layers[by_layer])) + 1, len(by_layer))
+        kernels.add_slices(np.ascontiguousarray(points_m, dtype=np.float64), by_layer, ends, histogram)
     return histogram.astype(np.float32)
 
 

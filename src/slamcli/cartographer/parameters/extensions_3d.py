@@ -40,7 +40,7 @@ class Extensions3d:
         extension=True,
     )
     search_rounds: int = parameter(
-        3, "at the end: search all pairs, optimise, search again until nothing is added, at most so often; 0: not",
+        3, "at the end: search all pairs, optimise, search again until nothing is added, at most so often; 0: no global SLAM, the path is that of local SLAM",
         unit="rounds", minimum=0, maximum=100, extension=True,
     )  # fmt: skip
     refine_loops: bool = parameter(True, "align what a loop search found with planes as well", extension=True)

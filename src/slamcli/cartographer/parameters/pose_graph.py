@@ -82,6 +82,13 @@ class OptimizationProblem:
     local_slam_pose_rotation_weight: float = weight(1e5, "weight of local SLAM between consecutive nodes")
     odometry_translation_weight: float = weight(1e5, "weight of odometry between consecutive nodes")
     odometry_rotation_weight: float = weight(1e5, "weight of odometry between consecutive nodes")
+    odometry_term: str = parameter(
+        "never",
+        "whether odometry between consecutive nodes is a term of its own, with the odometry's weights, beside that of local SLAM, "
+        "whose scan odometry follows the wheels already",
+        choices=("never", "always"),
+        extension=True,
+    )
     fixed_frame_pose_translation_weight: float = weight(1e1, "weight of a GPS fix")
     fixed_frame_pose_rotation_weight: float = weight(1e2, "weight of a fixed-frame orientation")
     fixed_frame_pose_use_tolerant_loss: bool = parameter(False, "fixes within a tolerance cost little")

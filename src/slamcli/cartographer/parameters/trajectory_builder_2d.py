@@ -24,8 +24,10 @@ class CeresScanMatcher2d:
     """Non-linear alignment of a scan with a grid."""
 
     occupied_space_weight: float = weight(1.0, "weight of the points on obstacles, shared among them")
-    translation_weight: float = weight(10.0, "weight of staying where the search started")
-    rotation_weight: float = weight(40.0, "weight of keeping the heading that was predicted")
+    translation_weight: float = weight(10.0, "weight of staying where the robot was predicted")
+    rotation_weight: float = weight(
+        40.0, "weight of keeping the heading that was predicted, or that the correlative search found"
+    )
     ceres_solver_options: CeresSolverOptions = group(CeresSolverOptions())
 
 

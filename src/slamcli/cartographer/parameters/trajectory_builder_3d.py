@@ -19,14 +19,20 @@ from slamcli.cartographer.parameters.tables import (
 from slamcli.errors import ConfigError
 from slamcli.parameters import group, parameter
 
+_NOT_USED = "(not used here: matching goes by shape alone)"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntensityCostFunction:
     """Term of the alignment that compares intensities."""
 
-    weight: float = weight(0.5, "weight of the intensities, shared among the points")
-    huber_scale: float = parameter(0.3, "differences above it count linearly", minimum=1e-9, maximum=1e6)
-    intensity_threshold: float = parameter(40.0, "brighter points are left out", minimum=0.0, maximum=1e9)
+    weight: float = weight(0.5, f"weight of the intensities {_NOT_USED}", effective=False)
+    huber_scale: float = parameter(
+        0.3, f"larger differences of intensities count linearly {_NOT_USED}", minimum=1e-9, maximum=1e6, effective=False
+    )
+    intensity_threshold: float = parameter(
+        40.0, f"brighter points are left out of it {_NOT_USED}", minimum=0.0, maximum=1e9, effective=False
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +58,7 @@ class RangeDataInserter3d:
     )
     num_free_space_voxels: int = count(2, "voxels before a hit that become freer")
     intensity_threshold: float = parameter(
-        40.0, "brighter points leave no intensity in the map", minimum=0.0, maximum=1e9
+        40.0, f"brighter points leave no intensity in the submap {_NOT_USED}", minimum=0.0, maximum=1e9, effective=False
     )
 
 
@@ -100,7 +106,7 @@ class TrajectoryBuilder3d:
     )
     pose_extrapolator: PoseExtrapolator = group(PoseExtrapolator())
     submaps: Submaps3d = group(Submaps3d())
-    use_intensities: bool = parameter(False, "align intensities as well")
+    use_intensities: bool = parameter(False, f"align intensities {_NOT_USED}", effective=False)
 
     def __post_init__(self) -> None:
         if self.min_range >= self.max_range:
