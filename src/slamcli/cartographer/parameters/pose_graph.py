@@ -121,6 +121,10 @@ class BatchSearch:
         extension=True,
     )  # fmt: skip
     widest_turn: float = angle(math.radians(60.0), "half width of the widest search in heading", extension=True)
+    huber_factor: float = parameter(
+        10.0, "factor of huber_scale in this search, whose loops have witnesses: with less a long loop stays open", minimum=0.01,
+        maximum=1e6, extension=True,
+    )  # fmt: skip
     drift_translation: float = parameter(
         0.05, "standard deviation of local SLAM's position after one metre", unit="m/sqrt(m)", minimum=1e-4, maximum=10.0,
         extension=True,
