@@ -122,7 +122,7 @@ def gyroscope(stamps, poses, bias=0.002, gravity=9.81):
     ]  # fmt: skip
 
 
-def recorded(poses, stamps=None, *, told=None, imu=(), blind=(), seed=1):
+def recorded(poses, stamps=None, *, told=None, imu=(), blind=(), seed=1, boxes=BOXES):
     """Scans with odometry before each, and IMU samples, in the order of their stamps."""
     stamps = stamps_of(len(poses)) if stamps is None else stamps
     noise, blind = np.random.default_rng(seed), set(blind)
@@ -130,7 +130,7 @@ def recorded(poses, stamps=None, *, told=None, imu=(), blind=(), seed=1):
     for k, (pose, stamp) in enumerate(zip(poses, stamps, strict=True)):
         if told is not None:
             out.append(odometry(stamp, told[k]))
-        out.append(scan(pose, stamp, noise=noise, blind=k in blind))
+        out.append(scan(pose, stamp, noise=noise, blind=k in blind, boxes=boxes))
     return sorted([*imu, *out], key=lambda m: m.stamp_ns) if imu else out
 
 

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pole_field import BEND_RAD_M, FIELD, LANDMARKS, fixes, landmarks, path, run, scans, wheels
 
 from slamcli.cartographer.parameters import CartographerParameters, OptimizationProblem, PoseGraph
+from slamcli.formats.pbstream.reading import read_state
+from slamcli.formats.pbstream.writing import write_state
 from slamcli.geometry import quaternion, se2, se3
 from slamcli.geometry.alignment import umeyama
 from slamcli.measurements import ImuSample
@@ -137,3 +140,58 @@ def test_an_imu_that_is_used_is_kept_in_the_frame_of_the_robot():
     kept = result.state.imu[0]
     assert len(kept) == len(samples)  # one stamp twice: once
     assert {sample.frame_id for sample in kept} == {"base_link"}
+
+
+@pytest.mark.parametrize("observed", [True, False])
+def test_a_second_run_is_laid_on_a_loaded_map_by_its_landmarks(tmp_path, observed):
+    """Also where the state holds only where the landmarks are."""
+    first = run(scans(STAMPS, TRUTH), wheels(STAMPS, TRUTH), landmarks(STAMPS, TRUTH))
+    write_state(tmp_path / "first.pbstream", first.state)
+    state = replace(read_state(tmp_path / "first.pbstream"), frozen=frozenset({0}))
+    if not observed:
+        state = replace(state, landmark_observations={})
+    part = slice(0, 40)
+    begun = np.array([1.5, -0.5, 0.6])
+    poses = se2.compose(begun, TRUTH[part])
+    stamps = STAMPS[part] + 10**13
+    log = RunLog()
+    second = run(scans(stamps, poses), wheels(stamps, poses, bend=0.0), landmarks(stamps, poses), state=state, log=log)
+    found = second.trajectory.poses_se2
+    assert np.hypot(*(found - poses)[:20, :2].T).max() < 0.4
+    for name in LANDMARKS:
+        np.testing.assert_allclose(
+            second.state.landmarks[name], state.landmarks[name], atol=1e-9 if not observed else 0.1
+        )
+    np.testing.assert_allclose(
+        [node.T_map_node for node in second.state.nodes if node.id.trajectory == 0],
+        [node.T_map_node for node in state.nodes],
+        atol=1e-12,
+    )
+    assert sorted(second.state.landmark_observations) == ([0, 1] if observed else [1])
+
+
+def test_a_state_keeps_what_fixes_say(tmp_path):
+    first = run(scans(STAMPS, TRUTH), wheels(STAMPS, TRUTH), fixes(STAMPS, TRUTH, turned=True))
+    write_state(tmp_path / "first.pbstream", first.state)
+    state = read_state(tmp_path / "first.pbstream")
+    kept = np.array([fix.pose_se2 for fix in state.fixed_frame_poses[0]])
+    truth = se2.compose(FIELD, TRUTH[::4])
+    assert np.hypot(*(kept - truth)[:, :2].T).mean() < 0.8  # of the robot, not of the antenna; their deviation is 0.5 m
+    np.testing.assert_allclose(se2.wrap_angle(kept[:, 2] - truth[:, 2]), 0.0, atol=1e-6)
+    np.testing.assert_allclose(
+        state.trajectory_data[0].T_map_fixed_frame, first.state.trajectory_data[0].T_map_fixed_frame, atol=1e-12
+    )
+
+
+def test_going_on_with_a_map_that_fixes_straightened_does_not_bend_it_back(tmp_path):
+    first = run(scans(STAMPS, TRUTH), wheels(STAMPS, TRUTH), fixes(STAMPS, TRUTH))
+    write_state(tmp_path / "first.pbstream", first.state)
+    state = read_state(tmp_path / "first.pbstream")
+    weights = [c.translation_weight for c in state.constraints]
+    assert max(weights) == 500.0
+    assert min(weights) < 480.0  # scans told nothing on the way
+    stamps = STAMPS[:20] + 10**13
+    second = run(scans(stamps, TRUTH[:20]), wheels(stamps, TRUTH[:20]), state=state)
+    before = np.array([node.T_map_node[:2, 3] for node in first.state.nodes])
+    after = np.array([node.T_map_node[:2, 3] for node in second.state.nodes if node.id.trajectory == 0])
+    assert np.hypot(*(after - before).T).max() < 0.9  # by the wheels alone it would be 10

@@ -23,6 +23,7 @@ from slamcli.runtime import RunLog
 _RIGID = 1e4
 """Weight per metre and radian of the antenna's place on the robot."""
 _LEAST_SIGMA_M = 0.01
+_LEAST_SHOWN_M = 0.1
 _ALIGNED_WAY_M = 100.0
 """Way over which dead reckoning is good enough to lay the fixed frame on the map."""
 _SPREAD_SIGMAS = 3.0
@@ -54,7 +55,12 @@ class FixedFrame:
 
 
 def fixed_frame_terms(
-    graph: PoseGraph2d, timeline: Timeline, fixes: Sequence[StampedPose], lever: NDArray[np.float64], log: RunLog
+    graph: PoseGraph2d,
+    timeline: Timeline,
+    fixes: Sequence[StampedPose],
+    lever: NDArray[np.float64],
+    log: RunLog,
+    frame: NDArray[np.float64] | None = None,
 ) -> FixedFrame | None:
     """Return the terms of fixes, None with a warning where they cannot tell how their frame lies.
 
@@ -69,6 +75,8 @@ def fixed_frame_terms(
         In recorded order; whether one tells an orientation: see `tells_orientation`.
     lever
         float64 (3,), pose of the antenna in the base frame.
+    frame
+        float64 (3,), where the fixed frame lies in a loaded map, whose fixes have no deviations: they are what that map shows.
     """
     o = graph.parameters.optimization_problem
     chosen = _one_for_each_node(timeline, fixes)
@@ -82,10 +90,12 @@ def fixed_frame_terms(
     believed = se2.compose(graph.node[nodes], antennas)
     told = np.array([fix.pose_se2 for fix in listed])
     sigmas = np.array([_sigma_m(fix) for fix in listed])
+    if frame is not None:
+        sigmas = np.where(np.isnan(sigmas), _shown_sigma_m(frame, told, believed), sigmas)
     weights = _weights(graph, sigmas, np.array([fix.stamp_ns for fix in listed], dtype=np.int64))
     typical = float(np.nanmedian(sigmas)) if np.isfinite(sigmas).any() else _UNTOLD_SIGMA_M
     turned = np.array([tells_orientation(fix) for fix in listed])
-    frame = _lay_on(told, believed, typical)
+    frame = _lay_on(told, believed, typical) if frame is None else frame
     if frame is None and not turned.any():
         log.warn(
             f"the {len(listed)} fixes lie too close together to tell directions: they are not used (deviation {typical:.2g} m)"
@@ -136,6 +146,12 @@ def _sigma_m(fix: StampedPose) -> float:
         return math.nan
     variance = 0.5 * float(fix.covariance[0, 0] + fix.covariance[1, 1])
     return max(_LEAST_SIGMA_M, math.sqrt(variance)) if math.isfinite(variance) and variance > 0 else math.nan
+
+
+def _shown_sigma_m(frame: NDArray[np.float64], told: NDArray[np.float64], believed: NDArray[np.float64]) -> float:
+    """Return the deviation in one direction of fixes (K, 3) from where a map has the antenna."""
+    off = se2.transform_points(frame, told[:, :2]) - believed[:, :2]
+    return max(_LEAST_SHOWN_M, float(np.median(np.hypot(*off.T))) / math.sqrt(2.0 * math.log(2.0)))
 
 
 def _weights(graph: PoseGraph2d, sigmas: NDArray[np.float64], stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:

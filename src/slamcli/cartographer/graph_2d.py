@@ -127,11 +127,6 @@ class PoseGraph2d:
         self.extra = np.concatenate([self.extra, extra])
         self.extra_held = np.concatenate([self.extra_held, np.zeros(len(extra), np.bool_) if held is None else held])
 
-    @property
-    def unit(self) -> float:
-        """Weight, per metre, of a deviation of one metre: as loops weigh, which are known to a cell."""
-        return max(CELL_M * self.parameters.constraint_builder.loop_closure_translation_weight, 1.0)
-
     def prior(self, submap: int, nodes: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return where nodes (K,) are believed to be in a submap's grid, float64 (K, 3), in its local frame."""
         T_local_map = se2.compose(self.submap_local[submap], se2.inverse(self.submap[submap]))
@@ -180,33 +175,40 @@ class PoseGraph2d:
             se2.between(self.submap_local[submaps], self.node_local[nodes]),
             se2.between(self.node_local[after - 1], self.node_local[after]),
         ]
-        unit = self.unit
-        blind, local = self._blind_m(submaps, nodes), o.local_slam_pose_translation_weight
+        unit, local = unit_weight(p), o.local_slam_pose_translation_weight
+        in_submap, turn_in_submap = self.membership_weights()
         return PlanarEdges(
             first=np.concatenate([submaps, after - 1 + count]),
             second=np.concatenate([nodes, after]) + count,
             measured=np.concatenate(measured),
-            translation_weight=np.concatenate(
-                [_softened(p.matcher_translation_weight, unit, blind), _softened(local, unit, slack)]
-            ),
+            translation_weight=np.concatenate([in_submap, _softened(local, unit, slack)]),
             rotation_weight=np.concatenate(
                 [
-                    _softened(p.matcher_rotation_weight, unit, _TURN_RAD_M * blind),
+                    turn_in_submap,
                     _softened(o.local_slam_pose_rotation_weight, unit, _TURN_RAD_M * slack),
                 ]
             ),
             robust=np.zeros(len(nodes) + len(after), np.bool_),
         )
 
-    def _blind_m(self, submaps: NDArray[np.int64], nodes: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return how uncertain nodes are in submaps (K,) that hold them: the way since scans last told where the robot was."""
+    def membership_weights(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what each membership (K,) weighs, translation and rotation.
+
+        A node is as uncertain in its submap as the way is since scans last told where the robot was.
+        """
+        p, unit = self.parameters, unit_weight(self.parameters)
+        submaps, nodes = self.membership.T
         slack = np.concatenate([part.slack_m for part in self.parts])
         told = np.maximum.accumulate(np.where(slack == 0.0, np.arange(len(slack)), 0))
         firsts = np.full(len(self.submap), len(slack) - 1, dtype=np.int64)
         np.minimum.at(firsts, submaps, nodes)
         variance = np.cumsum(slack**2)
         since = np.maximum(told[nodes], firsts[submaps])
-        return np.sqrt(np.maximum(variance[nodes] - variance[since], 0.0))
+        blind = np.sqrt(np.maximum(variance[nodes] - variance[since], 0.0))
+        return (
+            _softened(p.matcher_translation_weight, unit, blind),
+            _softened(p.matcher_rotation_weight, unit, _TURN_RAD_M * blind),
+        )
 
     def _loop_edges(self) -> PlanarEdges:
         b, loops = self.parameters.constraint_builder, self.loops
@@ -225,6 +227,11 @@ class PoseGraph2d:
             robust=ones > 0,
             information=information,
         )
+
+
+def unit_weight(parameters: PoseGraph) -> float:
+    """Return the weight of what is known to one metre, 1/m: as loops weigh, which are known to a cell."""
+    return max(CELL_M * parameters.constraint_builder.loop_closure_translation_weight, 1.0)
 
 
 def _softened(weight: float, unit: float, uncertain: NDArray[np.float64]) -> NDArray[np.float64]:

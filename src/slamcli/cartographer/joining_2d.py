@@ -46,7 +46,7 @@ def join_trajectories(graph: PoseGraph2d, executor: Executor, log: RunLog) -> No
         if not graph.parts[part].frozen:
             log.warn(
                 f"trajectory {graph.parts[part].trajectory} was not found in the loaded map: it is kept beside it, "
-                "unconnected (do they overlap?)"
+                "unconnected unless landmarks tie it (do they overlap?)"
             )
 
 

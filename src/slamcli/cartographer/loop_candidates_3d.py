@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from slamcli.cartographer.constraints_3d import Candidate
 from slamcli.cartographer.graph_3d import Graph3D
@@ -36,14 +37,14 @@ def loop_candidates(
         if not members or not submap.finished:
             continue
         own = np.array([graph.node_row(member.node) for member in members])
-        for node in sampled:
+        away, _ = cKDTree(positions[own]).query(positions[sampled])
+        begin, end = ways[own].min(), ways[own].max()
+        for node in sampled[away <= builder.max_constraint_distance]:
             seen = graph.nodes[node].id
-            same = seen.trajectory == submap.id.trajectory
             if {seen.trajectory, submap.id.trajectory} <= graph.frozen or (submap.id, seen) in tried:
                 continue
-            if same and np.abs(ways[own] - ways[node]).min() < APART_FACTOR * builder.max_constraint_distance:
-                continue
-            if np.linalg.norm(positions[own] - positions[node], axis=1).min() > builder.max_constraint_distance:
+            same = seen.trajectory == submap.id.trajectory
+            if same and max(begin - ways[node], ways[node] - end) < APART_FACTOR * builder.max_constraint_distance:
                 continue
             found.append(Candidate(row, int(node), wide=wide and every > 0 and count % every == 0))
             count += 1

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.cartographer.closing_2d import BatchClosing2d
-from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart
+from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart, unit_weight
 from slamcli.cartographer.joining_2d import join_trajectories
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
 from slamcli.cartographer.odometry_terms_2d import odometry_term
@@ -68,7 +68,8 @@ class Mapper2D:
                 "no scan shows anything within range: there is nothing to map (see min_range and max_range)"
             )
         part = self._part(local, motions)
-        parts = [*parts_of_state(setup.state), part] if setup.state is not None else [part]
+        known = [] if setup.state is None else parts_of_state(setup.state, unit_weight(self._parameters.pose_graph))
+        parts = [*known, part]
         graph = PoseGraph2d(self._parameters.pose_graph, parts)
         if setup.state is not None:
             graph.loops = loops_of_state(setup.state, graph)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from slamcli.cartographer.fixed_frames_2d import FixedFrame, fixed_frame_terms
 from slamcli.cartographer.graph_2d import PoseGraph2d
 from slamcli.cartographer.landmarks_2d import LandmarkTerms, landmark_terms, mounted
-from slamcli.cartographer.sensor_records_2d import robot_pose, with_records
+from slamcli.cartographer.sensor_records_2d import robot_poses, with_records
 from slamcli.cartographer.timeline_2d import Timeline
 from slamcli.geometry import se3
 from slamcli.mapper import Setup
@@ -75,7 +75,8 @@ class Outside2d:
         frames = []
         for trajectory, listed in fixes.items():
             lever = self._lever(listed) if trajectory == graph.parts[-1].trajectory else np.zeros(3)
-            found = fixed_frame_terms(graph, timelines[trajectory], listed, lever, self.setup.log)
+            frame = self._loaded_frame(trajectory)
+            found = fixed_frame_terms(graph, timelines[trajectory], listed, lever, self.setup.log, frame)
             if found is not None:
                 frames.append(replace(found, trajectory=trajectory))
                 graph.add_terms(found.terms, found.poses)
@@ -90,8 +91,13 @@ class Outside2d:
             before = data.get(frame.trajectory, TrajectoryData())
             data[frame.trajectory] = replace(before, T_map_fixed_frame=se3.from_se2(extra[frame.row]))
         found = {} if self._found is None else self._found.transforms(extra[: len(self._found.names)])
-        mounts = self.setup.T_base_sensor
-        fixes = [robot_pose(fix, np.asarray(mounts.get(fix.topic, np.eye(4)))) for fix in self._fixes]
+        topic = self._fixes[0].topic if self._fixes else ""
+        mount = np.asarray(self.setup.T_base_sensor.get(topic, np.eye(4)))
+        nodes = [node for node in state.nodes if node.id.trajectory == own]
+        stamps = np.array([node.stamp_ns for node in nodes], dtype=np.int64)
+        turns = [frame.row for frame in self._frames if frame.trajectory == own]
+        yaws = se3.to_se2(np.array([node.T_map_node for node in nodes]))[:, 2] - extra[turns[0], 2] if turns else None
+        fixes = robot_poses(self._fixes, mount, stamps, yaws)
         return replace(
             state,
             landmarks={**state.landmarks, **found},
@@ -133,6 +139,11 @@ class Outside2d:
             landmarks = {t: seen for t, seen in sorted(state.landmark_observations.items()) if t in known and t != own}
             fixes = {t: told for t, told in sorted(state.fixed_frame_poses.items()) if t in known and t != own}
         return {**landmarks, own: self._landmarks}, {**fixes, own: self._fixes}
+
+    def _loaded_frame(self, trajectory: int) -> NDArray[np.float64] | None:
+        """Return where the fixed frame of a loaded trajectory lies in the map, float64 (3,)."""
+        data = None if self.setup.state is None else self.setup.state.trajectory_data.get(trajectory)
+        return None if data is None or data.T_map_fixed_frame is None else se3.to_se2(data.T_map_fixed_frame)
 
     def _lever(self, fixes: Sequence[StampedPose]) -> NDArray[np.float64]:
         """Return the mount of the receiver, float64 (3,)."""

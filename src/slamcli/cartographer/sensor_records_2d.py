@@ -53,13 +53,40 @@ def tells_orientation(fix: StampedPose) -> bool:
     return bool(np.isfinite(fix.covariance[5, 5]))
 
 
-def robot_pose(fix: StampedPose, T_base_sensor: NDArray[np.float64]) -> StampedPose:
-    """Return where a fix has the robot; without an orientation it stays where the antenna is."""
-    if not tells_orientation(fix):
-        return fix
-    T_fixed_sensor = se3.from_position_quaternion(fix.position_m, quaternion.normalise(fix.quat_xyzw))
-    position, quat = se3.to_position_quaternion(T_fixed_sensor @ se3.inverse(T_base_sensor))
-    return replace(fix, position_m=position, quat_xyzw=quat)
+def robot_poses(
+    fixes: Sequence[StampedPose],
+    T_base_sensor: NDArray[np.float64],
+    stamps_ns: NDArray[np.int64],
+    yaws: NDArray[np.float64] | None,
+) -> list[StampedPose]:
+    """Return where fixes have the robot.
+
+    Parameters
+    ----------
+    T_base_sensor
+        float64 (4, 4), mount of the receiver.
+    stamps_ns, yaws
+        int64 (N,), float64 (N,): the robot's heading in the fixed frame over time, for fixes that tell no orientation. Where
+        it is not known (None) these stay where the antenna is.
+    """
+    T_sensor_base, order = se3.inverse(T_base_sensor), np.argsort(stamps_ns, kind="stable")
+    found = []
+    for fix in fixes:
+        if tells_orientation(fix):
+            T_fixed_sensor = se3.from_position_quaternion(fix.position_m, quaternion.normalise(fix.quat_xyzw))
+            position, quat = se3.to_position_quaternion(T_fixed_sensor @ T_sensor_base)
+            found.append(replace(fix, position_m=position, quat_xyzw=quat))
+        elif yaws is None:
+            found.append(fix)
+        else:
+            seconds = (stamps_ns[order] - fix.stamp_ns) / 1e9
+            yaw = np.interp(0.0, seconds, np.unwrap(yaws[order]))
+            found.append(
+                replace(
+                    fix, position_m=fix.position_m - quaternion.rotate(quaternion.from_yaw(yaw), T_base_sensor[:3, 3])
+                )
+            )
+    return found
 
 
 def _turned(sample: ImuSample, setup: Setup) -> ImuSample:

@@ -14,15 +14,15 @@ from slamcli.geometry import se2, se3
 from slamcli.posegraph import Constraint, Id, MapState, Node, Submap
 
 
-def parts_of_state(state: MapState) -> list[TrajectoryPart]:
-    """Return the trajectories of a state as parts of a graph.
+def parts_of_state(state: MapState, unit: float) -> list[TrajectoryPart]:
+    """Return the trajectories of a state as parts of a graph, in which what is known to a metre weighs `unit`.
 
     Raises
     ------
     DataError
         If a submap has no planar grid.
     """
-    return [_part(state, trajectory) for trajectory in state.trajectories]
+    return [_part(state, trajectory, unit) for trajectory in state.trajectories]
 
 
 def loops_of_state(state: MapState, graph: PoseGraph2d) -> list[Loop]:
@@ -42,7 +42,7 @@ def rows_of_ids(graph: PoseGraph2d) -> tuple[dict[Id, int], dict[Id, int]]:
     return {key: row for row, key in enumerate(submaps)}, {key: row for row, key in enumerate(nodes)}
 
 
-def _part(state: MapState, trajectory: int) -> TrajectoryPart:
+def _part(state: MapState, trajectory: int, unit: float) -> TrajectoryPart:
     submaps = [submap for submap in state.submaps if submap.id.trajectory == trajectory]
     nodes = [node for node in state.nodes if node.id.trajectory == trajectory]
     grids = []
@@ -54,9 +54,14 @@ def _part(state: MapState, trajectory: int) -> TrajectoryPart:
         grids.append(submap.grid)
     places = {submap.id: row for row, submap in enumerate(submaps)}
     members: dict[Id, list[int]] = {node.id: [] for node in nodes}
+    weights: dict[Id, float] = {}
     for c in state.constraints:
         if c.kind == "intra" and c.node in members and c.submap in places:
             members[c.node].append(places[c.submap])
+            weights[c.node] = min(c.translation_weight, weights.get(c.node, np.inf))
+    full = max(
+        (c.translation_weight for c in state.constraints if c.kind == "intra" and c.node in members), default=0.0
+    )
     nearest = _nearest(submaps, nodes)
     return TrajectoryPart(
         trajectory=trajectory, frozen=trajectory in state.frozen, submap_ids=[submap.id for submap in submaps],
@@ -66,8 +71,23 @@ def _part(state: MapState, trajectory: int) -> TrajectoryPart:
         node_local=_planar([node.T_local_node for node in nodes]), node_map=_planar([node.T_map_node for node in nodes]),
         points=[np.ascontiguousarray(node.points_m[:, :2].astype(np.float64)) for node in nodes],
         members=[sorted(members[node.id]) or [nearest[k]] * bool(submaps) for k, node in enumerate(nodes)],
-        slack_m=np.zeros(len(nodes)),
+        slack_m=_slack(np.array([weights.get(node.id, full) for node in nodes]), full, unit),
     )  # fmt: skip
+
+
+def _slack(weights: NDArray[np.float64], full: float, unit: float) -> NDArray[np.float64]:
+    """Return how uncertain the way to each node (N,) is, from what nodes weigh in their submaps: less where scans told nothing.
+
+    It is the inverse of :meth:`PoseGraph2d.membership_weights`; where a node leaves an old submap the last step stands for its own.
+    """
+    slack = np.zeros(len(weights))
+    if full <= 0.0 or not (weights > 0.0).all():
+        return slack
+    blind = np.where(weights < (1.0 - 1e-6) * full, (unit / weights) ** 2 - (unit / full) ** 2, 0.0)
+    for k in np.flatnonzero(blind).tolist():
+        before = blind[k - 1] if k else 0.0
+        slack[k] = np.sqrt(blind[k] - before) if blind[k] > before else slack[k - 1]
+    return slack
 
 
 def _nearest(submaps: Sequence[Submap], nodes: Sequence[Node]) -> list[int]:
@@ -86,7 +106,7 @@ def state_of_graph(graph: PoseGraph2d, stamps_ns: Sequence[int], before: MapStat
     """Return the graph as a state; `stamps_ns` are those of the last part's nodes, the others' are in the state `before`."""
     old_nodes = {} if before is None else {node.id: node for node in before.nodes}
     old_submaps = {} if before is None else {submap.id: submap for submap in before.submaps}
-    p, b = graph.parameters, graph.parameters.constraint_builder
+    b = graph.parameters.constraint_builder
     T_map_node, T_map_submap = se3.from_se2(graph.node), se3.from_se2(graph.submap)
     T_local_node, T_local_submap = se3.from_se2(graph.node_local), se3.from_se2(graph.submap_local)
     submap_ids = [key for part in graph.parts for key in part.submap_ids]
@@ -116,10 +136,12 @@ def state_of_graph(graph: PoseGraph2d, stamps_ns: Sequence[int], before: MapStat
     intra = se3.from_se2(se2.between(graph.submap_local[s], graph.node_local[n]))
     constraints = [
         Constraint(
-            submap=submap_ids[i], node=node_ids[j], T_submap_node=T, kind="intra",
-            translation_weight=p.matcher_translation_weight, rotation_weight=p.matcher_rotation_weight,
+            submap=submap_ids[i], node=node_ids[j], T_submap_node=T, kind="intra", translation_weight=translation,
+            rotation_weight=rotation,
         )
-        for i, j, T in zip(s.tolist(), n.tolist(), intra, strict=True)
+        for i, j, T, translation, rotation in zip(
+            s.tolist(), n.tolist(), intra, *(weights.tolist() for weights in graph.membership_weights()), strict=True
+        )
     ]  # fmt: skip
     constraints += [
         Constraint(

@@ -93,6 +93,7 @@ class HybridBlocks:
         num_free_space_voxels
             How many cells of the ray before a point are missed; the rest of the ray says nothing.
         """
+        origin_m, points_m = np.ascontiguousarray(origin_m), np.ascontiguousarray(points_m)
         changed = np.empty(len(points_m) * (1 + num_free_space_voxels), dtype=np.int64)
         count, num_hits, done = 0, -1, False
         while not done:
@@ -112,6 +113,7 @@ class HybridBlocks:
 
     def interpolate(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return probabilities (N,) and their gradients (N, 3), per metre, at points (N, 3) between the cells' centres."""
+        points_m = np.ascontiguousarray(points_m)
         values, gradients = np.empty(len(points_m)), np.empty((len(points_m), 3))
         kernels.interpolate(points_m, self.resolution_m, self.keys, self.blocks, self.cells, values, gradients)
         return values, gradients

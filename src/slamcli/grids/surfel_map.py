@@ -44,6 +44,7 @@ class SurfelMap:
 
     def add(self, points_m: NDArray[np.float64]) -> None:
         """Add finite points float64 (N, 3), metres, in the frame of the map."""
+        points_m = np.ascontiguousarray(points_m, dtype=np.float64)
         self._reserve(self._used + len(points_m) * self.levels)
         self._used = kernels.add_points(
             points_m, self.size_m, self.levels, self.capacity, self.keys, self.rows, self._held, self._sums, self.planes,

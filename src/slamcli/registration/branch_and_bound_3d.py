@@ -113,7 +113,11 @@ class SubmapSearch3D:
         angular: float,
         min_score: float,
     ) -> Found3D | str:
-        s, points = self._settings, cloud.high_points_m
+        s, points, low_points = (
+            self._settings,
+            np.ascontiguousarray(cloud.high_points_m),
+            np.ascontiguousarray(cloud.low_points_m),
+        )
         if not len(points) or not len(cloud.low_points_m):
             return "no points"
         angles = self._angles(points, angular)
@@ -129,7 +133,7 @@ class SubmapSearch3D:
         kernels.discretise(points, turns, shift, self._resolution, scans)
         (score, turn, x, y, height, low), _, refused = kernels.search(
             scans, turns, shift, self._resolution, xy, z, s.branch_and_bound_depth, s.full_resolution_depth, min_score,
-            *self._levels, cloud.low_points_m, self._low.resolution_m, self._low.keys, self._low.blocks, self._low.cells,
+            *self._levels, low_points, self._low.resolution_m, self._low.keys, self._low.blocks, self._low.cells,
             s.min_low_resolution_score,
         )  # fmt: skip
         if score < 0:

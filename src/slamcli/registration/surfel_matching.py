@@ -77,6 +77,7 @@ def align_with_surfels(
     Of the voxels around a point the largest that has a plane is taken. A plane further away than the largest voxel is not
     found, so that the start must be nearer than that.
     """
+    points_m = np.ascontiguousarray(points_m, dtype=np.float64)
     rotation, shift = T_map_start[:3, :3].copy(), T_map_start[:3, 3].copy()
     information = np.zeros((6, 6))
     view = (surfels.size_m, surfels.levels, surfels.keys, surfels.rows, surfels.planes)

@@ -52,6 +52,7 @@ def align_with_volumes(
     T_grid_start, T_grid_target
         float64 (4, 4): where the search begins, and the pose to which the result is drawn.
     """
+    high_points_m, low_points_m = np.ascontiguousarray(high_points_m), np.ascontiguousarray(low_points_m)
     rotation, shift = T_grid_start[:3, :3].copy(), T_grid_start[:3, 3].copy()
     weights = np.array(
         [
@@ -74,7 +75,7 @@ def mean_probability(points_m: NDArray[np.float64], T_grid_points: NDArray[np.fl
     """Return the mean probability of the cells in which points (N, 3) lie; unknown cells count 0.1."""
     return float(
         kernels.mean_probability(
-            points_m,
+            np.ascontiguousarray(points_m),
             np.ascontiguousarray(T_grid_points[:3, :3]),
             np.ascontiguousarray(T_grid_points[:3, 3]),
             _view(grid),
