@@ -24,6 +24,8 @@ from slamcli.posegraph.drift import Ways, relative_sigmas
 from slamcli.runtime import RunLog
 
 _SIGMAS = 3.0
+_DOUBT = 4.0
+_WINDOWS_M = (0.5, 1.0, 2.0, 4.0, 7.0, 14.0)
 _LEAST_M, _LEAST_RAD = 0.1, 0.02
 _SCOUTS, _SCOUTS_APART_M = 3, 1.0
 _REPEATS = 3
@@ -45,6 +47,8 @@ class BatchClosing2d:
     rejected: list[Found] = field(default_factory=list)
     num_trials: int = 0
     _round: int = 0
+    _sigmas_wide: float = _SIGMAS
+    """Half width of windows in standard deviations."""
     _tried: dict[tuple[int, int], float] = field(default_factory=dict)
     """Widest window in which each pair of submaps was searched without success."""
     _failed: set[tuple[int, int]] = field(default_factory=set)
@@ -52,12 +56,15 @@ class BatchClosing2d:
 
     def run(self) -> None:
         """Close all loops that can be found; the graph is adjusted afterwards."""
-        b = self.graph.parameters.constraint_builder
-        widest = b.fast_correlative_scan_matcher.linear_search_window
-        for limit in (*(v for v in (0.5, 1.0, 2.0, 4.0) if v < widest), widest):
+        widest = self.graph.parameters.batch_search.widest_window
+        for limit in (*(v for v in _WINDOWS_M if v < widest), widest):
             for _ in range(_REPEATS):
                 if not self._add(self._scouts(limit, last=limit == widest)):
                     break
+        self._sigmas_wide = _DOUBT * _SIGMAS
+        while self._add(self._scouts(widest, last=True)):  # local SLAM may have drifted more than is usual
+            pass
+        self._sigmas_wide = _SIGMAS
         self._drop_strained()
         for _ in range(_REPEATS - 1):
             before = len(self.graph.loops)
@@ -129,16 +136,16 @@ class BatchClosing2d:
     ) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
         """Return by submap the nodes that may lie in it: rows, half windows in metres and radians, distances."""
         graph, b = self.graph, self.graph.parameters.constraint_builder
-        window = b.fast_correlative_scan_matcher
+        window = self.graph.parameters.batch_search
         translation, rotation = self._sigmas()
         held = set(map(tuple, graph.membership.tolist()))
         frozen = np.array([part.frozen for part in graph.parts])
         everyone = np.arange(len(graph.node))
         found = {}
         for submap, grid in enumerate(graph.grids):
-            need = _SIGMAS * translation[submap, graph.home] + _LEAST_M
-            linear = np.minimum(need, window.linear_search_window)
-            angular = np.minimum(_SIGMAS * rotation[submap, graph.home] + _LEAST_RAD, window.angular_search_window)
+            need = self._sigmas_wide * translation[submap, graph.home] + _LEAST_M
+            linear = np.minimum(need, window.widest_window)
+            angular = np.minimum(self._sigmas_wide * rotation[submap, graph.home] + _LEAST_RAD, window.widest_turn)
             distance = np.hypot(*(graph.node[:, :2] - graph.submap[submap, :2]).T)
             near = (distance < b.max_constraint_distance + linear) & np.isfinite(need)
             near &= last | (need <= limit)

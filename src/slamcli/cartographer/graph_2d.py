@@ -138,7 +138,7 @@ class PoseGraph2d:
         poses = np.concatenate([self.submap, self.node, self.extra])
         groups = [(self._local_edges(o), Loss()), *self.more]
         if self.loops:
-            groups.insert(1, (self._loop_edges(), Loss(kind="huber", scale=o.huber_scale)))
+            groups.insert(1, (self._loop_edges(), Loss(kind="huber", scale=self._huber_scale())))
         if known is not None:
             groups = [(_among(edges, known), loss) for edges, loss in groups]
         (edges, loss), *more = groups
@@ -148,6 +148,12 @@ class PoseGraph2d:
             solution.poses, [len(self.submap), len(self.submap) + len(self.node)]
         )
         return solution
+
+    def _huber_scale(self) -> float:
+        """The scale of the loops' loss: larger in batch search, where loops are checked before they are believed."""
+        batch = self.parameters.batch_search
+        scale = self.parameters.optimization_problem.huber_scale
+        return batch.huber_factor * scale if batch.enabled else scale
 
     def residuals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return how far each loop (L,) is from what its match says: metres, of which ambiguous directions are left out, and radians."""

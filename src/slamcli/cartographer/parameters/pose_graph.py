@@ -116,6 +116,15 @@ class BatchSearch:
         "each new node and submap once, with optimize_every_n_nodes, sampling_ratio and whole windows",
         extension=True,
     )
+    widest_window: float = length(
+        25.0, "half width of the widest search, where the drift asks for it (linear_search_window is that of the original's search)",
+        extension=True,
+    )  # fmt: skip
+    widest_turn: float = angle(math.radians(60.0), "half width of the widest search in heading", extension=True)
+    huber_factor: float = parameter(
+        10.0, "factor of huber_scale in this search, whose loops have witnesses: with less a long loop stays open", minimum=0.01,
+        maximum=1e6, extension=True,
+    )  # fmt: skip
     drift_translation: float = parameter(
         0.05, "standard deviation of local SLAM's position after one metre", unit="m/sqrt(m)", minimum=1e-4, maximum=10.0,
         extension=True,

@@ -18,6 +18,7 @@ from slamcli.posegraph import MapState, Node, Submap
 
 _VERSION = 2
 _TAGS = {"intra": 0, "inter": 1}
+_NODES_AT_ONCE = 256  # so that memory does not grow with the length of the run
 _NO_POINTS = np.zeros((0, 3), np.float32)
 
 
@@ -57,9 +58,11 @@ def _messages(state: MapState) -> Iterator[Any]:
     local = numbers_from((submap.T_local_submap for submap in submaps), "local submap")
     yield from (_submap(submap, pose, is_3d) for submap, pose in zip(submaps, local, strict=True))
     local = numbers_from((node.T_local_node for node in nodes), "local node")
-    clouds = points.encode([node.points_m for node in nodes])
-    coarse = points.encode([_NO_POINTS if (p := node.low_resolution_points_m) is None else p for node in nodes])
-    yield from map(_node, nodes, local, clouds, coarse)
+    for first in range(0, len(nodes), _NODES_AT_ONCE):
+        part = nodes[first : first + _NODES_AT_ONCE]
+        clouds = points.encode([node.points_m for node in part])
+        coarse = points.encode([_NO_POINTS if (p := node.low_resolution_points_m) is None else p for node in part])
+        yield from map(_node, part, local[first : first + _NODES_AT_ONCE], clouds, coarse)
     yield from sensor_messages(state)
 
 
