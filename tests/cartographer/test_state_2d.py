@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from planar_graphs import circle, drifted, members_of, part_of
 
-from slamcli.cartographer.graph_2d import Loop, PoseGraph2d
+from slamcli.cartographer.graph_2d import Loop, PoseGraph2d, unit_weight
 from slamcli.cartographer.parameters import PoseGraph
 from slamcli.cartographer.state_2d import loops_of_state, parts_of_state, rows_of_ids, state_of_graph
 from slamcli.errors import DataError
@@ -18,6 +18,7 @@ from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.posegraph import Id
 
 COUNT = 45
+UNIT = unit_weight(PoseGraph())
 STAMPS = list(range(1000, 1000 + COUNT))
 MOVE = np.array([2.0, -1.0, 0.3])
 
@@ -41,7 +42,7 @@ def test_a_graph_comes_back_from_its_state():
     state = state_of_graph(before, STAMPS, None)
     assert [node.stamp_ns for node in state.nodes] == STAMPS
     assert [submap.num_range_data for submap in state.submaps] == np.bincount(before.membership[:, 0]).tolist()
-    (part,) = parts_of_state(state)
+    (part,) = parts_of_state(state, UNIT)
     after = PoseGraph2d(PoseGraph(), [part])
     for name in ("submap", "node", "submap_local", "node_local"):
         np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=1e-12)
@@ -87,7 +88,7 @@ def test_constraints_say_where_nodes_are_in_submaps():
 def test_a_second_trajectory_keeps_what_the_first_one_was():
     first = state_of_graph(graph(), STAMPS, None)
     first = replace(first, frozen=frozenset({0}))
-    parts = [*parts_of_state(first), graph(1).parts[0]]
+    parts = [*parts_of_state(first, UNIT), graph(1).parts[0]]
     assert parts[0].frozen
     both = PoseGraph2d(PoseGraph(), parts)
     both.loops = loops_of_state(first, both)
@@ -103,7 +104,7 @@ def test_a_node_whose_submaps_were_dropped_goes_to_the_nearest():
     state = state_of_graph(graph(), STAMPS, None)
     kept = tuple(submap for submap in state.submaps if submap.id.number != 2)
     constraints = tuple(c for c in state.constraints if c.submap.number != 2)
-    (part,) = parts_of_state(replace(state, submaps=kept, constraints=constraints))
+    (part,) = parts_of_state(replace(state, submaps=kept, constraints=constraints), UNIT)
     rows = [submap.number for submap in part.submap_ids]
     assert rows == [0, 1, 3, 4]
     held = members_of(COUNT)
@@ -111,7 +112,7 @@ def test_a_node_whose_submaps_were_dropped_goes_to_the_nearest():
         left = tuple(s for s in held[k] if s != 2)
         assert tuple(rows[m] for m in members) == left
     alone = tuple(c for c in constraints if c.node.number != 25)
-    (part,) = parts_of_state(replace(state, submaps=kept, constraints=alone))
+    (part,) = parts_of_state(replace(state, submaps=kept, constraints=alone), UNIT)
     places = part.submap_local[:, :2] - part.node_local[25, :2]
     assert list(part.members[25]) == [int(np.argmin(np.hypot(*places.T)))]
 
@@ -120,4 +121,4 @@ def test_a_state_in_space_is_refused():
     state = state_of_graph(graph(), STAMPS, None)
     broken = replace(state, submaps=(replace(state.submaps[0], grid=None), *state.submaps[1:]))
     with pytest.raises(DataError, match="submap 0 of trajectory 0 of the state has no planar grid"):
-        parts_of_state(broken)
+        parts_of_state(broken, UNIT)
