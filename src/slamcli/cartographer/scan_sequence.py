@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slamcli.cartographer.attitude import Attitude, attitude_of
 from slamcli.cartographer.parameters import TrajectoryBuilder2d
 from slamcli.cartographer.range_data import RangeData, RangeMeasurement, RangeSensor, sweep_seconds
+from slamcli.cartographer.scan_warnings import warn_of_corridors
 from slamcli.errors import DataError, UsageError
 from slamcli.geometry import se2
 from slamcli.mapper import Setup
@@ -132,6 +133,7 @@ class ScanSequence:
             )  # fmt: skip
         else:
             motions, steps = laser.motions(offset_s)
+            warn_of_corridors(self.stamps_ns, motions, steps, laser.wheels is not None, log)
             found = Motions(
                 motions=motions, slack_m=_slack(motions, steps), steps=steps, offset_s=offset_s, calibration=calibration
             )
@@ -200,7 +202,7 @@ class ScanSequence:
             return laser, given or 0.0, None
         mended, offset, calibration = laser.calibrated(given)
         if given is None and offset.seconds:
-            log.note(
+            log.warn(
                 f"laser and odometry clocks differ: odometry is looked up {offset.seconds:+.3f} s from each scan's stamp (turns then "
                 f"agree within {math.degrees(offset.error_after_rad):.2f} instead of {math.degrees(offset.error_before_rad):.2f} degrees); "
                 "--set TRAJECTORY_BUILDER_2D.scan_odometry.time_offset=SECONDS says otherwise"
