@@ -3,7 +3,8 @@
 -- Written by .ci/parameter_tables.py from slamcli's declarations.
 
 POSE_GRAPH = {
-  optimize_every_n_nodes = 90,  -- optimise after this many nodes; 0: only at the end
+  -- optimise after this many nodes, where batch_search is not enabled (2D); 0: only at the end
+  optimize_every_n_nodes = 90,
   constraint_builder = {
     sampling_ratio = 0.3,  -- share of the pairs of node and submap that are tried
     max_constraint_distance = 15.0,  -- pairs farther apart are not tried [m]
@@ -13,8 +14,10 @@ POSE_GRAPH = {
     loop_closure_rotation_weight = 100000.0,  -- weight of a loop closure's rotation
     log_matches = true,
     fast_correlative_scan_matcher = {
-      linear_search_window = 7.0,  -- half width of the search in each direction [m]
-      angular_search_window = math.rad(30),  -- half width of the search in heading [rad]
+      -- half width of the search in each direction, where batch_search (which has its own windows) is not enabled [m]
+      linear_search_window = 7.0,
+      -- half width of the search in heading, where batch_search is not enabled [rad]
+      angular_search_window = math.rad(30),
       branch_and_bound_depth = 7,  -- grids of halved resolution [levels]
     },
     ceres_scan_matcher = {
@@ -79,8 +82,7 @@ POSE_GRAPH = {
     },
   },
   max_num_final_iterations = 200,  -- iterations of the last optimisation
-  global_sampling_ratio = 0.003,  -- share of the nodes that are searched for in submaps of other trajectories
+  global_sampling_ratio = 0.003,
   log_residual_histograms = true,
-  -- trajectories not joined for this long are searched without a prior pose [s]
   global_constraint_search_after_n_seconds = 10.0,
 }

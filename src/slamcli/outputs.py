@@ -102,13 +102,18 @@ def check_directory(target: str | os.PathLike[str]) -> None:
     Raises
     ------
     UsageError
-        If `target` is a file, or the current folder or one above it.
+        If `target` is a file, or the current folder or one above it, or cannot be made or written.
     """
     target = Path(target)
     if target.exists() and not target.is_dir():
         raise UsageError(f"{target} is a file: name a folder for the output")
     if Path.cwd().is_relative_to(target.resolve()):
         raise UsageError(f"{target} is the folder you are in (or above it): name a new folder for the output")
+    above = next(folder for folder in target.resolve().parents if folder.exists())
+    if not above.is_dir():
+        raise UsageError(f"cannot write {target}: {above} is a file")
+    with _writable(target):  # by trying: os.access knows neither read-only file systems nor root
+        Path(tempfile.mkdtemp(prefix=_prefix(), dir=above)).rmdir()
 
 
 @contextlib.contextmanager

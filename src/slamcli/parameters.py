@@ -141,7 +141,10 @@ def unknown_name(name: str, known: Iterable[str], source: str = "") -> str:
     """Return the message for a parameter that does not exist, with the nearest names that do."""
     known = list(known)
     lowered = {k.lower(): k for k in known}
-    near = [lowered[n] for n in difflib.get_close_matches(name.lower(), lowered, n=2, cutoff=0.5)]
+    near = [k for k in known if "." not in name and k.lower().endswith(f".{name.lower()}")][
+        :2
+    ]  # a key without its tables
+    near = near or [lowered[n] for n in difflib.get_close_matches(name.lower(), lowered, n=2, cutoff=0.5)]
     if not near:  # the last part of a dotted name alone
         last = name.lower().rpartition(".")[2]
         ends = difflib.get_close_matches(last, {k.lower().rpartition(".")[2] for k in known}, n=1, cutoff=0.8)

@@ -116,6 +116,7 @@ def test_dimensions(two, three, dimensions):
         ({"TRAJECTORY_BUILDER_2D.max_range": float("inf")}, "between 0.001 and 1e"),
         ({"TRAJECTORY_BUILDER_2D.max_range": float("nan")}, "not a number"),
         ({"POSE_GRAPH.constraint_builder.min_scor": 1}, r"did you mean POSE_GRAPH\.constraint_builder\.min_score"),
+        ({"max_range": 1}, r"did you mean TRAJECTORY_BUILDER_2D\.max_range"),
         ({"min_score": 1}, r"did you mean POSE_GRAPH\.constraint_builder\.min_score"),
         (
             {"TRAJECTORY_BUILDER_2D.pure_localization_trimmer.max_submaps_to_keep": 3},

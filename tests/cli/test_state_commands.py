@@ -201,6 +201,10 @@ def test_view(capsys: pytest.CaptureFixture[str]) -> None:
             ["map", "--algo", "cartographer", "--load-state", "room.pbstream", "--start", "3"],
             "--start is for a recording",
         ),
+        (
+            ["map", "--algo", "cartographer", "--load-state", "room.pbstream", "--scan-topic", "/scan"],
+            "--scan-topic is for a recording",
+        ),
         (["map", "--algo", "cartographer", "--load-state", "cut.pbstream"], "the file ends in the middle"),
         (["info", "cut.pbstream"], "the file ends in the middle"),
         (["info", "room.pbstream", OFFICE], "one at a time"),

@@ -14,7 +14,7 @@ import pytest
 
 from slamcli import outputs
 from slamcli.errors import UsageError
-from slamcli.outputs import atomic_directory, atomic_file, atomic_path
+from slamcli.outputs import atomic_directory, atomic_file, atomic_path, check_directory
 
 
 def test_a_file_appears_when_the_block_ends_and_not_before(tmp_path):
@@ -53,6 +53,16 @@ def test_a_folder_replaces_the_earlier_runs_files_and_keeps_the_users(tmp_path):
     found = {str(p.relative_to(target)): p.read_text() for p in target.rglob("*") if p.is_file()}
     assert found == {"same.txt": "new", "mine.txt": "old", "sub/mine.txt": "old", "link": "old"}
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="file is a file"):
+        check_directory(tmp_path / "file" / "sub" / "out")
+    with pytest.raises(UsageError, match="cannot write /proc/out"):
+        check_directory("/proc/out")
+    check_directory(tmp_path / "new" / "out")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 
 def test_an_error_leaves_the_folder_that_was_there(tmp_path):

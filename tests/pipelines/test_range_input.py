@@ -363,6 +363,7 @@ def test_the_configurations_frame_of_the_robot(robot: Path):
     ("tier", "names", "complaint"),
     [
         (GMAPPING, {"scans": ("/scan", "/rear/scan")}, "--scan-topic was given 2 times: gmapping takes one scanner"),
+        (CARTOGRAPHER, {"scans": ("/scan", "/scan")}, "--scan-topic was given 2 times: one topic more than once"),
         (GMAPPING, {"points": ("/points",)}, "--points-topic /points: gmapping has no use for it"),
         (GMAPPING, {"imu": "/imu"}, "--imu-topic /imu: gmapping has no use for it"),
         (GMAPPING, {"mode": "3d"}, "--mode 3d: gmapping has one mode only"),

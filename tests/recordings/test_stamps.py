@@ -185,7 +185,7 @@ def test_topics_that_do_not_fit_are_named_with_those_that_would(container: Memor
         RecordingError, match=r"/odom is nav_msgs/Odometry, not LaserScan; .*one of: /scan \(sensor_msgs"
     ):
         recording.topic("/odom", LaserScan)
-    with pytest.raises(RecordingError, match="no ImuSample topic"):
+    with pytest.raises(RecordingError, match="no sensor_msgs/Imu topic"):
         recording.topic("/imu", ImuSample)
     assert [topic.name for topic in recording.topics(LaserScan)] == ["/scan"]
 

@@ -157,7 +157,7 @@ class LocalSlam3D:
         if self._lost == 10:
             self._log.counts["stretches in which scans hardly fit the map"] += 1
             self._log.warn(
-                f"from {sweep.begin_ns} ns on scans hardly fit the map (score {match.score:.2f}): the path may be off from"
+                f"from {sweep.begin_ns / 1e9:.3f} s on scans hardly fit the map (score {match.score:.2f}): the path may be off from"
                 " there (too fast, too narrow a view, or moving surroundings)"
             )
 

@@ -170,9 +170,15 @@ def _from_state(request: MapRequest, config: NativeConfig, state: MapState, log:
     Raises
     ------
     UsageError
-        If an option asks for a part of a recording.
+        If an option is about a recording.
     """
-    for option, value in (("--start", request.start_s), ("--duration", request.duration_s), ("--mode", request.mode)):
+    of_recordings = {
+        "--start": request.start_s, "--duration": request.duration_s, "--mode": request.mode,
+        "--scan-topic": request.scan_topics or None, "--points-topic": request.points_topics or None,
+        "--odom-topic": request.odom_topic, "--imu-topic": request.imu_topic, "--fix-topic": request.fix_topic,
+        "--landmark-topic": request.landmark_topic,
+    }  # fmt: skip
+    for option, value in of_recordings.items():
         if value is not None:
             raise UsageError(f"{option} is for a recording, and none was named")
     frames = {"map": request.map_frame or "map", "base": request.base_frame or "base_link"}

@@ -191,7 +191,9 @@ def feed_sensors(
     plan = tier.plan(parameters, given, offer, log)
     num_scans = plan.num_laser_scans + (plan.num_multi_echo_laser_scans or 0)
     if len(names.scans) > num_scans:
-        raise UsageError(f"--scan-topic was given {len(names.scans)} times: {tier.name} takes one scanner")
+        repeated = len(set(names.scans)) < len(names.scans)
+        why = "one topic more than once" if repeated else f"{tier.name} takes one scanner"
+        raise UsageError(f"--scan-topic was given {len(names.scans)} times: {why}")
     picks = pick_sensors(recording, names, plan, tier.roles)
     mounts = _mounts(recording, picks, plan)
     fans: dict[str, Fan] = {}

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import EstimationError
 from slamcli.posegraph import _planar_kernels as kernels
+from slamcli.posegraph.graph_checks import check_graph
 from slamcli.posegraph.levenberg_marquardt import Terms, minimise
 from slamcli.posegraph.losses import Loss
 from slamcli.posegraph.normal_equations import components
@@ -139,24 +139,8 @@ def held_poses(fixed: NDArray[np.bool_], rows: Sequence[Integers]) -> NDArray[np
 def checked(poses: Floats, groups: Sequence[PlanarEdges]) -> Floats:
     """Return the poses as a contiguous copy, if all input is usable."""
     poses = np.array(poses, np.float64, order="C")
-    if not np.all(np.isfinite(poses)):
-        bad = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
-        raise EstimationError(f"pose {bad} of the graph is not finite: {poses[bad].tolist()}")
-    for edges in groups:
-        for name in ("measured", "translation_weight", "rotation_weight", "information", "ratio"):
-            values = getattr(edges, name)
-            if values is not None and not np.all(np.isfinite(values)):
-                bad = int(np.argmin(np.isfinite(values).reshape(len(edges), -1).all(axis=1)))
-                raise EstimationError(f"edge {_name(edges, bad)} of the graph: {name} is not finite")
-        for indices in (edges.first, edges.second, edges.until):
-            if indices is not None and len(indices) and not (indices.min() >= 0 and indices.max() < len(poses)):
-                bad = int(np.argmax((indices < 0) | (indices >= len(poses))))
-                raise EstimationError(f"edge {_name(edges, bad)} of the graph names no pose: there are {len(poses)}")
+    check_graph(poses, groups)
     return poses
-
-
-def _name(edges: PlanarEdges, index: int) -> str:
-    return f"{index} (from pose {int(edges.first[index])} to {int(edges.second[index])})"
 
 
 def _whitening(edges: PlanarEdges) -> Floats:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import EstimationError
 from slamcli.geometry import quaternion
 from slamcli.posegraph import _spatial_kernels as kernels
+from slamcli.posegraph.graph_checks import check_graph
 from slamcli.posegraph.inertial import Inertia, check_inertia, inertial_terms
 from slamcli.posegraph.levenberg_marquardt import Terms, minimise
 from slamcli.posegraph.losses import Loss
@@ -170,25 +170,9 @@ def _held(fixed: NDArray[np.bool_], count: int, terms: Sequence[Terms], inertia:
 def _checked(poses: Floats, groups: Sequence[SpatialEdges]) -> Floats:
     """Return the poses as a contiguous copy with unit quaternions, if all input is usable."""
     poses = np.array(poses, np.float64, order="C").reshape(-1, 7)
-    if not np.all(np.isfinite(poses)):
-        bad = int(np.flatnonzero(~np.isfinite(poses).all(axis=1))[0])
-        raise EstimationError(f"pose {bad} of the graph is not finite: {poses[bad].tolist()}")
-    for edges in groups:
-        for name in ("measured", "translation_weight", "rotation_weight", "information", "ratio"):
-            values = getattr(edges, name)
-            if values is not None and not np.all(np.isfinite(values)):
-                bad = int(np.argmin(np.isfinite(values).reshape(len(edges), -1).all(axis=1)))
-                raise EstimationError(f"edge {_name(edges, bad)} of the graph: {name} is not finite")
-        for indices in (edges.first, edges.second, edges.until):
-            if indices is not None and len(indices) and not (indices.min() >= 0 and indices.max() < len(poses)):
-                bad = int(np.argmax((indices < 0) | (indices >= len(poses))))
-                raise EstimationError(f"edge {_name(edges, bad)} of the graph names no pose: there are {len(poses)}")
+    check_graph(poses, groups)
     poses[:, 3:] = quaternion.normalise(poses[:, 3:])
     return poses
-
-
-def _name(edges: SpatialEdges, index: int) -> str:
-    return f"{index} (from pose {int(edges.first[index])} to {int(edges.second[index])})"
 
 
 def _whitening(edges: SpatialEdges, measured: Floats) -> Floats:

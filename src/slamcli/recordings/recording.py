@@ -226,7 +226,7 @@ class Recording:
             and (topic.msgtype in msgtypes_of(kind) if kind is not None else adapter_for(topic.msgtype) is not None)
         ]
         if not fitting:
-            what = kind.__name__ if kind is not None else "usable"
+            what = "usable" if kind is None else " or ".join(short_type(msgtype) for msgtype in msgtypes_of(kind))
             held = ", ".join(f"{topic.name} ({short_type(topic.msgtype)})" for topic in self.contents.topics[:12])
             return f"the recording has no {what} topic (it has {held or 'no topics at all'})"
         near = difflib.get_close_matches(name, [topic.name for topic in fitting], n=1, cutoff=0.75)

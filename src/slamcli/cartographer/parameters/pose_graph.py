@@ -17,8 +17,12 @@ from slamcli.parameters import group, parameter
 class FastCorrelativeScanMatcher2d:
     """Branch and bound in the plane."""
 
-    linear_search_window: float = length(7.0, "half width of the search in each direction")
-    angular_search_window: float = angle(math.radians(30.0), "half width of the search in heading")
+    linear_search_window: float = length(
+        7.0, "half width of the search in each direction, where batch_search (which has its own windows) is not enabled"
+    )
+    angular_search_window: float = angle(
+        math.radians(30.0), "half width of the search in heading, where batch_search is not enabled"
+    )
     branch_and_bound_depth: int = parameter(7, "grids of halved resolution", unit="levels", minimum=1, maximum=16)
 
 
@@ -173,24 +177,28 @@ class OverlappingSubmapsTrimmer2d:
 class PoseGraph:
     """``POSE_GRAPH``."""
 
-    optimize_every_n_nodes: int = count(90, "optimise after this many nodes; 0: only at the end")
+    optimize_every_n_nodes: int = count(
+        90, "optimise after this many nodes, where batch_search is not enabled (2D); 0: only at the end"
+    )
     constraint_builder: ConstraintBuilder = group(ConstraintBuilder())
     matcher_translation_weight: float = weight(5e2, "weight of a node's translation in the submaps that it is part of")
     matcher_rotation_weight: float = weight(1.6e3, "weight of a node's rotation in the submaps that it is part of")
     optimization_problem: OptimizationProblem = group(OptimizationProblem())
     max_num_final_iterations: int = count(200, "iterations of the last optimisation", 1)
     global_sampling_ratio: float = share(
-        0.003, "share of the nodes that are searched for in submaps of other trajectories"
-    )
+        0.003, "share of the nodes that are searched for in submaps of other trajectories; here a few that lie far apart are",
+        effective=False,
+    )  # fmt: skip
     log_residual_histograms: bool = parameter(
         True, "log histograms of residuals; here they are always in report.html", effective=False
     )
     global_constraint_search_after_n_seconds: float = parameter(
         10.0,
-        "trajectories not joined for this long are searched without a prior pose",
+        "trajectories not joined for this long are searched without a prior pose; here they are at once",
         unit="s",
         minimum=0.0,
         maximum=1e9,
+        effective=False,
     )
     overlapping_submaps_trimmer_2d: OverlappingSubmapsTrimmer2d = group(OverlappingSubmapsTrimmer2d())
     batch_search: BatchSearch = group(BatchSearch())
