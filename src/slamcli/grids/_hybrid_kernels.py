@@ -26,7 +26,7 @@ def _key(x, y, z):
 @njit(cache=True, nogil=True, inline="always")
 def _slot(keys, key):
     """The slot of a block, or the free one where it belongs."""
-    mixed = key * 0x9E3779B97F4A7C1
+    mixed = ((key & 0xFFFFFFFF) * 0x45D9F3B) ^ ((key >> 32) * 0x119DE1F3)
     mask = len(keys) - 1
     slot = (mixed ^ (mixed >> 29)) & mask
     while keys[slot] != -1 and keys[slot] != key:
@@ -50,7 +50,7 @@ def insert_keys(keys, blocks, held):
     """Put block keys (their rows follow their order) into an empty table."""
     mask = len(keys) - 1
     for row in range(len(held)):
-        mixed = held[row] * 0x9E3779B97F4A7C1
+        mixed = ((held[row] & 0xFFFFFFFF) * 0x45D9F3B) ^ ((held[row] >> 32) * 0x119DE1F3)
         slot = (mixed ^ (mixed >> 29)) & mask
         while keys[slot] != -1:
             slot = (slot + 1) & mask

@@ -28,7 +28,7 @@ def _key(x, y, z, size, level):
 def _slot(keys, key):
     """The slot that holds `key`, or the free one where it belongs."""
     mask = len(keys) - 1
-    mixed = key * 0x9E3779B97F4A7C1
+    mixed = ((key & 0xFFFFFFFF) * 0x45D9F3B) ^ ((key >> 32) * 0x119DE1F3)
     slot = (mixed ^ (mixed >> 29)) & mask
     while keys[slot] != -1 and keys[slot] != key:
         slot = (slot + 1) & mask

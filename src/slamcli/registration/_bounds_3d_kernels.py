@@ -21,7 +21,7 @@ def _slot(keys, level, x, y, z):
     """The slot of the block of a cell of one level, or the free one where it belongs."""
     key = ((level << 18 | (((x >> 3) + HALF) & MASK)) << 18 | (((y >> 3) + HALF) & MASK)) << 18
     key |= ((z >> 3) + HALF) & MASK
-    mixed = key * 0x9E3779B97F4A7C1
+    mixed = ((key & 0xFFFFFFFF) * 0x45D9F3B) ^ ((key >> 32) * 0x119DE1F3)
     mask = len(keys) - 1
     slot = (mixed ^ (mixed >> 29)) & mask
     while keys[slot] != -1 and keys[slot] != key:
@@ -38,7 +38,7 @@ def _grown(keys, held, cells, used):
     new_keys, new_blocks = np.full(2 * len(keys), -1, np.int64), np.zeros(2 * len(keys), np.int64)
     mask = len(new_keys) - 1
     for row in range(used):
-        mixed = held[row] * 0x9E3779B97F4A7C1
+        mixed = ((held[row] & 0xFFFFFFFF) * 0x45D9F3B) ^ ((held[row] >> 32) * 0x119DE1F3)
         slot = (mixed ^ (mixed >> 29)) & mask
         while new_keys[slot] != -1:
             slot = (slot + 1) & mask
@@ -105,7 +105,7 @@ def _bound(points, ox, oy, oz, level, shrink, keys, blocks, cells, worst):
         x, y, z = points[i, 0] + ox >> shrink, points[i, 1] + oy >> shrink, points[i, 2] + oz >> shrink
         slot, _ = _slot(keys, level, x, y, z)
         if keys[slot] != -1:
-            total += cells[blocks[slot], (x & 7) << 6 | (y & 7) << 3 | (z & 7)]
+            total += np.int64(cells[blocks[slot], (x & 7) << 6 | (y & 7) << 3 | (z & 7)])
         if total + 255 * (n - 1 - i) <= worst:
             return -1
     return total
@@ -135,7 +135,7 @@ def _mean_of_low(points, rotation, shift, resolution, keys, blocks, cells):
         z = math.floor((rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c + shift[2]) / resolution + 0.5)
         key = (((x >> 3) + 524288) & 1048575) << 40 | (((y >> 3) + 524288) & 1048575) << 20
         key |= ((z >> 3) + 524288) & 1048575
-        mixed = key * 0x9E3779B97F4A7C1
+        mixed = ((key & 0xFFFFFFFF) * 0x45D9F3B) ^ ((key >> 32) * 0x119DE1F3)
         slot = (mixed ^ (mixed >> 29)) & mask
         while keys[slot] != -1 and keys[slot] != key:
             slot = (slot + 1) & mask

@@ -21,7 +21,7 @@ def _plane_at(x, y, z, smallest, levels, keys, rows, planes):
         size = smallest * (1 << level)
         i, j, k = math.floor(x / size), math.floor(y / size), math.floor(z / size)
         key = (((((i + HALF) & MASK) << 20 | ((j + HALF) & MASK)) << 20 | ((k + HALF) & MASK)) << 2) | level
-        mixed = key * 0x9E3779B97F4A7C1
+        mixed = ((key & 0xFFFFFFFF) * 0x45D9F3B) ^ ((key >> 32) * 0x119DE1F3)
         slot = (mixed ^ (mixed >> 29)) & mask
         while keys[slot] != -1 and keys[slot] != key:
             slot = (slot + 1) & mask

@@ -19,7 +19,7 @@ MASK = (1 << 20) - 1
 def _probability(x, y, z, keys, blocks, cells):
     """The probability of a cell; 0.1 where unknown."""
     key = (((x >> 3) + HALF) & MASK) << 40 | (((y >> 3) + HALF) & MASK) << 20 | (((z >> 3) + HALF) & MASK)
-    mixed = key * 0x9E3779B97F4A7C1
+    mixed = ((key & 0xFFFFFFFF) * 0x45D9F3B) ^ ((key >> 32) * 0x119DE1F3)
     mask = len(keys) - 1
     slot = (mixed ^ (mixed >> 29)) & mask
     while keys[slot] != -1 and keys[slot] != key:

@@ -35,7 +35,7 @@ def first_in_cell(points, rows, size, kept):
         if not inside:
             continue
         x, y, z = cells[count, 0], cells[count, 1], cells[count, 2]
-        mixed = x * 0x1E3779B97F4A7C15 + y * 0x3F4A7C15F39CC06D + z * 0x2545F4914F6CDD1D
+        mixed = ((x & 0x7FFFFFFF) * 73856093) ^ ((y & 0x7FFFFFFF) * 19349663) ^ ((z & 0x7FFFFFFF) * 83492791)
         mixed ^= mixed >> 32
         slot = (mixed ^ (mixed >> 17)) & mask
         while table[slot] >= 0:
