@@ -109,6 +109,25 @@ def check_directory(target: str | os.PathLike[str]) -> None:
         raise UsageError(f"{target} is a file: name a folder for the output")
     if Path.cwd().is_relative_to(target.resolve()):
         raise UsageError(f"{target} is the folder you are in (or above it): name a new folder for the output")
+    _check_place(target)
+
+
+def check_file(target: str | os.PathLike[str]) -> None:
+    """Raise if `target` is a folder or cannot be made: worth knowing before long work.
+
+    Raises
+    ------
+    UsageError
+        With the reason.
+    """
+    target = Path(target)
+    if target.is_dir():
+        raise UsageError(f"{target} is a folder: name a file for the output")
+    _check_place(target)
+
+
+def _check_place(target: Path) -> None:
+    """Raise if nothing can be written where `target` is to be."""
     above = next(folder for folder in target.resolve().parents if folder.exists())
     if not above.is_dir():
         raise UsageError(f"cannot write {target}: {above} is a file")

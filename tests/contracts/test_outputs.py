@@ -14,7 +14,7 @@ import pytest
 
 from slamcli import outputs
 from slamcli.errors import UsageError
-from slamcli.outputs import atomic_directory, atomic_file, atomic_path, check_directory
+from slamcli.outputs import atomic_directory, atomic_file, atomic_path, check_directory, check_file
 
 
 def test_a_file_appears_when_the_block_ends_and_not_before(tmp_path):
@@ -62,6 +62,11 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path):
     with pytest.raises(UsageError, match="cannot write /proc/out"):
         check_directory("/proc/out")
     check_directory(tmp_path / "new" / "out")
+    with pytest.raises(UsageError, match="is a folder"):
+        check_file(tmp_path)
+    with pytest.raises(UsageError, match="file is a file"):
+        check_file(tmp_path / "file" / "state.pbstream")
+    check_file(tmp_path / "new" / "state.pbstream")
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 

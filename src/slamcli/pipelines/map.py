@@ -13,7 +13,7 @@ from typing import Any
 from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.mapper import MappingResult, Setup, find_resuming_tier, find_tier
-from slamcli.outputs import atomic_directory, check_directory
+from slamcli.outputs import atomic_directory, check_directory, check_file
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.evaluate import score_trajectory
@@ -106,6 +106,8 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
     output = request.output or default_output(request.files)
     check_directory(output)
+    if request.save_state is not None:
+        check_file(request.save_state)
     reference = None if request.truth is None else load_trajectory(request.truth, log=log)
     with ThreadPoolExecutor(1) as background:
         digests = background.submit(describe_inputs, request.files) if all(p.exists() for p in request.files) else None

@@ -15,7 +15,6 @@ _RANGE_S, _COARSE_S, _FINE_S = 0.6, 0.02, 0.0025
 _MIN_TURN_RAD = 0.02
 _MIN_SCANS = 40
 _MIN_GAIN = 0.15
-_MIN_GAIN_RAD = np.radians(0.05)
 _SCALES = (0.7, 1.4)
 """Bounds of how much more or less than the wheels say a robot may turn."""
 
@@ -38,7 +37,7 @@ def estimate(
     """Return the offset at which the odometry's turns agree best with those that scan matching saw.
 
     The error of an offset is the mean of the smaller three quarters of the absolute differences over all scans during
-    which the robot turned: slipping wheels and failed matches do not count. An offset that gains less than 15 % or 0.05 degrees, or one
+    which the robot turned: slipping wheels and failed matches do not count. An offset that gains less than 15 %, or one
     that rests on fewer than 40 turning scans, is none; so is one that gains nothing any more once the odometry's turns
     are scaled by their median ratio: wheels that turn a few percent too far seem to lead or lag where the rate of
     turning changes slowly.
