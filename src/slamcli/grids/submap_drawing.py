@@ -19,6 +19,8 @@ from slamcli.grids.probability_grid import ProbabilityGrid
 from slamcli.grids.submap_grid import SubmapGrid, shown
 from slamcli.grids.tsdf_grid import TsdfGrid
 
+_BAND_ROWS = 512
+"""Rows that are drawn at once: so much of the map exists in floating point."""
 _MAX_CELLS = 400_000_000
 _FARTHEST_CELL = 1 << 40
 _MIN_WEIGHT = 0.499
@@ -88,23 +90,41 @@ def draw_submaps(
     first = low.astype(np.int64)
     width, height = (int(n) for n in end - low)
     corner = first * resolution_m
-    sums, weights = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
-    for grid, pose, box in zip(drawn, poses, boxes, strict=True):
-        if box is not None:
-            (x0, y0), (x1, y1) = (np.asarray(point) / resolution_m - first for point in box)
-            rows = max(math.floor(y0) - 1, 0), min(math.ceil(y1) + 1, height)
-            columns = max(math.floor(x0) - 1, 0), min(math.ceil(x1) + 1, width)
-            window = np.array([rows[0], columns[0], rows[1], columns[1]], np.int64)
-            cells, table = _values(grid, resolution_m)
-            kernels.add_submap(
-                cells, np.array(grid.origin), grid.resolution_m, table, pose, corner, resolution_m, window, sums, weights
-            )  # fmt: skip
-    if all(isinstance(grid, TsdfGrid) for grid in drawn):
-        enough = weights >= _MIN_WEIGHT
-        trinary = trinary_by_distance(np.divide(sums, weights, where=enough, out=np.full_like(sums, np.nan)))
-    else:
-        trinary = _trinary(sums, weights, occupied_probability, free_probability)
+    distances = all(isinstance(grid, TsdfGrid) for grid in drawn)
+    band = height if distances else _BAND_ROWS  # distances are looked at across rows
+    parts = []
+    for top in range(0, height, band):
+        sums, weights = (np.zeros((min(band, height - top), width), np.float32) for _ in range(2))
+        origin = corner + np.array([0.0, top * resolution_m])
+        for grid, pose, box in zip(drawn, poses, boxes, strict=True):
+            window = None if box is None else _window(box, first + np.array([0, top]), resolution_m, sums.shape)
+            if window is not None:
+                cells, table = _values(grid, resolution_m)
+                kernels.add_submap(
+                    cells, np.array(grid.origin), grid.resolution_m, table, pose, origin, resolution_m, window, sums, weights
+                )  # fmt: skip
+        if distances:
+            enough = weights >= _MIN_WEIGHT
+            parts.append(trinary_by_distance(np.divide(sums, weights, where=enough, out=np.full_like(sums, np.nan))))
+        else:
+            parts.append(_trinary(sums, weights, occupied_probability, free_probability))
+    trinary = parts[0] if len(parts) == 1 else np.concatenate(parts)
     return OccupancyGrid(trinary, resolution_m, (float(corner[0]), float(corner[1]), 0.0), frame_id)
+
+
+def _window(
+    box: tuple[NDArray[np.float64], NDArray[np.float64]],
+    first: NDArray[np.int64],
+    resolution_m: float,
+    shape: tuple[int, ...],
+) -> NDArray[np.int64] | None:
+    """Return the rows and columns (first row, first column, end row, end column) under a box; None where there are none."""
+    (x0, y0), (x1, y1) = (np.asarray(point) / resolution_m - first for point in box)
+    rows = max(math.floor(y0) - 1, 0), min(math.ceil(y1) + 1, shape[0])
+    columns = max(math.floor(x0) - 1, 0), min(math.ceil(x1) + 1, shape[1])
+    if rows[0] >= rows[1] or columns[0] >= columns[1]:
+        return None
+    return np.array([rows[0], columns[0], rows[1], columns[1]], np.int64)
 
 
 def _values(grid: SubmapGrid, cell_m: float) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
