@@ -91,3 +91,10 @@ def test_transforms_round_trip():
     position, quats = se3.to_position_quaternion(T)
     np.testing.assert_allclose(se3.from_position_quaternion(position, quats), T, atol=1e-12)
     np.testing.assert_allclose(se3.from_rotation_translation(T[:, :3, :3], T[:, :3, 3]), T)
+
+
+def test_steps_lead_back_to_the_poses_they_were_taken_from():
+    poses = np.array([[1.0, -2.0, 3.0], [1.5, -2.0, -3.1], [0.5, 0.25, 0.1], [0.5, 0.25, 2.0]])
+    steps = se2.between(poses[:-1], poses[1:])
+    np.testing.assert_allclose(se2.integrate(poses[0], steps), poses, atol=1e-12)
+    np.testing.assert_array_equal(se2.integrate(poses[0], np.zeros((0, 3))), poses[:1])

@@ -52,4 +52,6 @@ def test_bars_are_as_high_as_there_are_values():
 
 @pytest.mark.parametrize("values", [[], [np.nan], [0.5]])
 def test_few_values_are_enough(values):
-    XML(histogram("h", "score", [("a", np.asarray(values, dtype=float))]))
+    markup = histogram("h", "score", [("a", np.asarray(values, dtype=float))])
+    XML(markup)
+    assert len(re.findall(r"M[\d.]+ [\d.]+V[\d.]+H", markup)) == np.isfinite(values).sum()

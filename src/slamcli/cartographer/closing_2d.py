@@ -25,6 +25,7 @@ from slamcli.runtime import RunLog
 
 _SIGMAS = 3.0
 _DOUBT = 4.0
+"""Factor of the windows of the last search, for drift that is larger than the model says."""
 _WINDOWS_M = (0.5, 1.0, 2.0, 4.0, 7.0, 14.0)
 _LEAST_M, _LEAST_RAD = 0.1, 0.02
 _SCOUTS, _SCOUTS_APART_M = 3, 1.0
@@ -229,7 +230,7 @@ class BatchClosing2d:
         return float(error[:2] @ np.linalg.solve(spread, error[:2])) < 1.0 and abs(error[2]) < _AGREE_RAD
 
     def _drop_strained(self) -> None:
-        """Take out the loops that the rest of the graph contradicts, the worst first, until none does."""
+        """Take out the loops that the rest of the graph contradicts, the worst first, in at most three rounds."""
         for _ in range(_REPEATS):
             distance, turn = self.graph.residuals()
             bad = (distance > _STRAINED_M) | (turn > _STRAINED_RAD)

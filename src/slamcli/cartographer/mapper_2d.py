@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -122,7 +121,7 @@ class Mapper2D:
                     turns = motions.motions[ahead, 2].copy() if motions.turns_told else None
                     motions.motions[ahead] = speed.motions(stamps[ahead], turns)
                 motion = (0.0, 0.0, 0.0)
-                for k in (*range(scans.start, scans.stop),):
+                for k in scans:
                     motion = compose(motion, as_pose(motions.motions[k])) if k else motion
                 lost += float((motions.slack_m[scans.start : scans.stop] ** 2).sum())
                 if lost > _LOST_M**2:
@@ -182,6 +181,3 @@ def _led_back(poses: NDArray[np.float64], steps: NDArray[np.float64], first: int
     for k in range(first - 1, -1, -1):
         poses[k] = se2.compose(poses[k + 1], se2.inverse(steps[k + 1]))
     return poses
-
-
-__all__: Sequence[str] = ["Mapper2D"]

@@ -240,8 +240,4 @@ def _without_jumps(stamps_ns: NDArray[np.int64], poses: NDArray[np.float64], set
     )
     setup.log.counts["jumps of the odometry"] += len(jumps)
     steps[jumps] = 0.0
-    yaw = poses[0, 2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-    c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
-    x = poses[0, 0] + np.concatenate([[0.0], np.cumsum(c * steps[:, 0] - s * steps[:, 1])])
-    y = poses[0, 1] + np.concatenate([[0.0], np.cumsum(s * steps[:, 0] + c * steps[:, 1])])
-    return np.column_stack([x, y, se2.wrap_angle(yaw)])
+    return se2.integrate(poses[0], steps)

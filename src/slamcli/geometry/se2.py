@@ -48,6 +48,16 @@ def between(T_a_b: ArrayLike, T_a_c: ArrayLike) -> Poses2:
     return compose(inverse(T_a_b), T_a_c)
 
 
+def integrate(first: ArrayLike, steps: ArrayLike) -> Poses2:
+    """Return the poses (N + 1, 3) that begin with `first` (3,) and follow steps (N, 3), each seen from the pose before it."""
+    first, steps = np.asarray(first, dtype=np.float64), np.asarray(steps, dtype=np.float64)
+    yaw = np.cumsum(np.concatenate([first[2:], steps[:, 2]]))
+    c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
+    x = first[0] + np.concatenate([[0.0], np.cumsum(c * steps[:, 0] - s * steps[:, 1])])
+    y = first[1] + np.concatenate([[0.0], np.cumsum(s * steps[:, 0] + c * steps[:, 1])])
+    return np.column_stack([x, y, wrap_angle(yaw)])
+
+
 def transform_points(T_a_b: ArrayLike, points_b: ArrayLike) -> NDArray[np.float64]:
     """Return points (N, 2), metres, of frame b in frame a; `T_a_b` is one pose (3,)."""
     x, y, yaw = np.asarray(T_a_b, dtype=np.float64)

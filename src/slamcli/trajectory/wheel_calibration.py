@@ -42,13 +42,9 @@ class WheelCalibration:
     def apply(self, odometry: WheelOdometry) -> WheelOdometry:
         """Return the odometry without these errors, from the same first pose."""
         steps = se2.between(odometry.poses[:-1], odometry.poses[1:])
-        yaw = np.cumsum(
-            np.concatenate([odometry.poses[:1, 2], self.turn_scale * steps[:, 2] + self.turn_rad_m * steps[:, 0]])
-        )
-        c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
-        x = odometry.poses[0, 0] + np.concatenate([[0.0], np.cumsum(self.scale * (c * steps[:, 0] - s * steps[:, 1]))])
-        y = odometry.poses[0, 1] + np.concatenate([[0.0], np.cumsum(self.scale * (s * steps[:, 0] + c * steps[:, 1]))])
-        return WheelOdometry(odometry.stamps_ns, np.column_stack([x, y, se2.wrap_angle(yaw)]))
+        mended = steps * self.scale
+        mended[:, 2] = self.turn_scale * steps[:, 2] + self.turn_rad_m * steps[:, 0]
+        return WheelOdometry(odometry.stamps_ns, se2.integrate(odometry.poses[0], mended))
 
 
 def calibrate(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,29 +18,20 @@ from slamcli.posegraph import MapState
 def sensor_messages(state: MapState) -> Iterator[Any]:
     """Yield the messages of what was measured, kind after kind, trajectory after trajectory."""
     yield from _trajectory_data(state)
-    for number, samples in sorted(state.imu.items()):
-        for sample in samples:
+    yield from _listed(state.imu, "imu_data", _fill_imu)
+    yield from _listed(state.odometry, "odometry_data", _fill_pose)
+    yield from _listed(state.fixed_frame_poses, "fixed_frame_pose_data", _fill_pose)
+    yield from _listed(state.landmark_observations, "landmark_data", _fill_landmarks)
+
+
+def _listed(table: Mapping[int, Iterable[Any]], kind: str, fill_sample: Callable[[Any, Any], None]) -> Iterator[Any]:
+    """Yield one message per record of a table by trajectory; `kind` names the field of the message."""
+    for number, records in sorted(table.items()):
+        for record in records:
             data = schema.Data()
-            data.imu_data.trajectory_id = number
-            _fill_imu(data.imu_data.sample, sample)
-            yield data
-    for number, odometry in sorted(state.odometry.items()):
-        for pose in odometry:
-            data = schema.Data()
-            data.odometry_data.trajectory_id = number
-            _fill_pose(data.odometry_data.sample, pose)
-            yield data
-    for number, fixed in sorted(state.fixed_frame_poses.items()):
-        for fix in fixed:
-            data = schema.Data()
-            data.fixed_frame_pose_data.trajectory_id = number
-            _fill_pose(data.fixed_frame_pose_data.sample, fix)
-            yield data
-    for number, landmarks in sorted(state.landmark_observations.items()):
-        for seen in landmarks:
-            data = schema.Data()
-            data.landmark_data.trajectory_id = number
-            _fill_landmarks(data.landmark_data.sample, seen)
+            message = getattr(data, kind)
+            message.trajectory_id = number
+            fill_sample(message.sample, record)
             yield data
 
 
