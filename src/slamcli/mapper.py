@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import Measurement, PointCloud
+from slamcli.measurements import CameraRig, Measurement, PointCloud
 from slamcli.posegraph import LoopSearch, MapState
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
@@ -57,6 +57,8 @@ class Setup:
     """Mount of each range sensor (laser, point cloud) by topic: float64 (4, 4)."""
     T_base_sensor: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     """Mount of each other sensor (IMU, fixed-frame pose, landmark detector) by topic: float64 (4, 4)."""
+    rig: CameraRig | None = None
+    """The cameras, for tiers that see."""
     map_frame: str = "map"
     base_frame: str = "base_link"
     seed: int = 0

@@ -6,6 +6,7 @@ read-only.
 """
 
 from slamcli.measurements.camera import CameraModel
+from slamcli.measurements.frames import CameraRig, ImuNoise, RgbdFrame, StereoPair
 from slamcli.measurements.geo import GeoFix
 from slamcli.measurements.image import Image
 from slamcli.measurements.imu import ImuSample
@@ -18,6 +19,8 @@ Measurement = (
     LaserScan
     | PointCloud
     | Image
+    | StereoPair
+    | RgbdFrame
     | ImuSample
     | Odometry
     | StampedPose
@@ -30,9 +33,11 @@ Measurement = (
 
 __all__ = [
     "CameraModel",
+    "CameraRig",
     "FrameTransform",
     "GeoFix",
     "Image",
+    "ImuNoise",
     "ImuSample",
     "LandmarkObservation",
     "Landmarks",
@@ -40,6 +45,8 @@ __all__ = [
     "Measurement",
     "Odometry",
     "PointCloud",
+    "RgbdFrame",
     "StampedPose",
     "StampedTwist",
+    "StereoPair",
 ]
