@@ -39,7 +39,9 @@ ROOMS = (
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
+    "simulation.render",
     "simulation.space",
+    "simulation.texture",
     "trajectory.attitude",
 )
 
