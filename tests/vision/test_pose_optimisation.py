@@ -6,6 +6,7 @@ from __future__ import annotations
 import camera_scenes as scenes
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from slamcli.errors import DataError
@@ -48,6 +49,21 @@ def test_exact_data_gives_the_exact_pose(kind):
     np.testing.assert_allclose(found.T_camera_map, T, atol=1e-9)
     assert found.num_inliers == 150
     assert found.chi2.max() < 1e-12
+
+
+def test_the_minimum_is_that_of_a_naive_twin():
+    T, points, pixels, right, sigmas = world(noise=0.5, seed=4)
+
+    def residuals(step):
+        pixel, column = scenes.seen(scenes.pose(step[:3], step[3:]) @ T, points)
+        rows = np.column_stack([pixel - pixels, np.where(np.isnan(right), 0.0, column - right)])
+        return (rows / sigmas[:, None]).ravel()
+
+    naive = least_squares(residuals, np.zeros(6), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    found = optimise_pose(away(T), points, pixels, right, sigmas, CAMERA)
+    assert found.inliers.all()
+    np.testing.assert_allclose(found.T_camera_map, scenes.pose(naive.x[:3], naive.x[3:]) @ T, atol=1e-6)
+    assert found.chi2.sum() == pytest.approx(2 * naive.cost, rel=1e-9)
 
 
 def test_noise_gives_chi2_and_spread_as_expected():
