@@ -41,6 +41,8 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.pose_optimisation",
+    "vision.triangulation",
 )
 
 
