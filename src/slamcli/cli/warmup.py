@@ -41,6 +41,7 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.pnp",
     "vision.triangulation",
 )
 
