@@ -42,6 +42,7 @@ ROOMS = (
     "simulation.space",
     "trajectory.attitude",
     "vision.pnp",
+    "vision.pose_optimisation",
     "vision.triangulation",
 )
 
