@@ -42,6 +42,9 @@ ROOMS = (
     "simulation.space",
     "trajectory.attitude",
     "vision.orb",
+    "vision.pnp",
+    "vision.pose_optimisation",
+    "vision.triangulation",
 )
 
 
