@@ -27,6 +27,7 @@ ROOMS = (
     "navigation.path_shape",
     "posegraph.drift",
     "posegraph.imu_integration",
+    "posegraph.imu_preintegration",
     "posegraph.planar_covariances",
     "posegraph.spatial",
     "registration.branch_and_bound",
