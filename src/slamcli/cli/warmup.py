@@ -42,6 +42,8 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.pose_optimisation",
+    "vision.triangulation",
 )
 
 
