@@ -76,10 +76,7 @@ def _inverse_right_jacobian(v):
 def _reading(stamps, values, i, now, out):
     """Write the values between samples i and i + 1 at the time `now` to `out`; the outermost hold beyond the ends."""
     last = len(stamps) - 1
-    if now <= stamps[i] or i == last:
-        share = 0.0
-    else:
-        share = (now - stamps[i]) / (stamps[i + 1] - stamps[i])
+    share = 0.0 if now <= stamps[i] or i == last else (now - stamps[i]) / (stamps[i + 1] - stamps[i])
     following = min(i + 1, last)
     for axis in range(3):
         out[axis] = (1.0 - share) * values[i, axis] + share * values[following, axis]
