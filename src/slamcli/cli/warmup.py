@@ -41,6 +41,9 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.keyframe_database",
+    "vision.vocabulary",
+    "vision.vocabulary_training",
 )
 
 
