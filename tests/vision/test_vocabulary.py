@@ -136,7 +136,7 @@ def test_weights_are_inverse_document_frequencies():
 
 def test_training_is_the_same_again_and_differs_by_seed():
     generator = np.random.default_rng(6)
-    images = [generator.integers(0, 256, (80, 32), np.uint8) for _ in range(4)]
+    images = [generator.integers(0, 256, (40, 32), np.uint8) for _ in range(3)]
 
     def nodes(seed):
         return train_vocabulary(images, TrainingSettings(branching=4, depth=2, seed=seed)).descriptors

@@ -44,6 +44,9 @@ ROOMS = (
     "vision.keyframe_database",
     "vision.vocabulary",
     "vision.vocabulary_training",
+    "vision.pnp",
+    "vision.pose_optimisation",
+    "vision.triangulation",
 )
 
 
