@@ -42,6 +42,10 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.keyframe_database",
+    "vision.vocabulary",
+    "vision.vocabulary_training",
+    "vision.pnp",
     "vision.pose_optimisation",
     "vision.triangulation",
 )
