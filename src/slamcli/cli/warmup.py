@@ -44,6 +44,7 @@ ROOMS = (
     "vision.pnp",
     "vision.pose_optimisation",
     "vision.triangulation",
+    "vision.two_view",
 )
 
 
