@@ -27,6 +27,7 @@ ROOMS = (
     "navigation.path_shape",
     "posegraph.drift",
     "posegraph.imu_integration",
+    "posegraph.imu_preintegration",
     "posegraph.planar_covariances",
     "posegraph.spatial",
     "registration.branch_and_bound",
@@ -41,6 +42,14 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.bundle_adjustment",
+    "vision.keyframe_database",
+    "vision.orb",
+    "vision.vocabulary",
+    "vision.vocabulary_training",
+    "vision.pnp",
+    "vision.pose_optimisation",
+    "vision.triangulation",
 )
 
 
