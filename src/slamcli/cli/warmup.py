@@ -43,6 +43,7 @@ ROOMS = (
     "simulation.space",
     "trajectory.attitude",
     "vision.keyframe_database",
+    "vision.matching",
     "vision.orb",
     "vision.vocabulary",
     "vision.vocabulary_training",
