@@ -42,6 +42,7 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.bundle_adjustment",
     "vision.keyframe_database",
     "vision.matching",
     "vision.orb",
@@ -50,6 +51,7 @@ ROOMS = (
     "vision.pnp",
     "vision.pose_optimisation",
     "vision.triangulation",
+    "vision.two_view",
 )
 
 
