@@ -44,6 +44,7 @@ ROOMS = (
     "trajectory.attitude",
     "vision.bundle_adjustment",
     "vision.keyframe_database",
+    "vision.matching",
     "vision.orb",
     "vision.vocabulary",
     "vision.vocabulary_training",
