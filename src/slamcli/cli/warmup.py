@@ -50,6 +50,7 @@ ROOMS = (
     "vision.vocabulary_training",
     "vision.pnp",
     "vision.pose_optimisation",
+    "vision.similarity_ransac",
     "vision.triangulation",
     "vision.two_view",
 )
