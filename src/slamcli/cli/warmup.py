@@ -44,12 +44,15 @@ ROOMS = (
     "trajectory.attitude",
     "vision.bundle_adjustment",
     "vision.keyframe_database",
+    "vision.matching",
     "vision.orb",
     "vision.vocabulary",
     "vision.vocabulary_training",
     "vision.pnp",
     "vision.pose_optimisation",
+    "vision.similarity_ransac",
     "vision.triangulation",
+    "vision.two_view",
 )
 
 
