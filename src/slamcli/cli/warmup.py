@@ -27,6 +27,7 @@ ROOMS = (
     "navigation.path_shape",
     "posegraph.drift",
     "posegraph.imu_integration",
+    "posegraph.imu_preintegration",
     "posegraph.planar_covariances",
     "posegraph.spatial",
     "registration.branch_and_bound",
@@ -43,6 +44,17 @@ ROOMS = (
     "simulation.space",
     "simulation.texture",
     "trajectory.attitude",
+    "vision.bundle_adjustment",
+    "vision.keyframe_database",
+    "vision.matching",
+    "vision.orb",
+    "vision.vocabulary",
+    "vision.vocabulary_training",
+    "vision.pnp",
+    "vision.pose_optimisation",
+    "vision.similarity_ransac",
+    "vision.triangulation",
+    "vision.two_view",
 )
 
 
