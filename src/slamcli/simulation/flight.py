@@ -41,8 +41,7 @@ class Flight(Ride):
         """
         p = parameters
         poses = np.concatenate([path.poses, path.poses[:1]]) if path.closed else path.poses.copy()
-        if path.closed:
-            poses[-1, 3:] += 2 * np.pi * np.rint((poses[-2, 3:] - poses[-1, 3:]) / (2 * np.pi))
+        poses[:, 3:] = np.unwrap(poses[:, 3:], axis=0)
         steps = np.diff(poses, axis=0)
         seconds = np.maximum(
             np.linalg.norm(steps[:, :3], axis=1) / p.robot_speed,
@@ -52,6 +51,7 @@ class Flight(Ride):
             raise ConfigError("path: two poses that follow each other are the same")
         times = np.concatenate([[0.0], np.cumsum(seconds)])
         self._round_s = float(times[-1]) if path.closed else np.inf
+        # What a round adds: a full turn of the yaw, perhaps
         self._growth = poses[-1] - poses[0] if path.closed else np.zeros(6)
         drift = (times / times[-1])[:, None] * self._growth
         smooth = poses - drift
