@@ -211,8 +211,9 @@ def full_size(path, levels):
     return int(counts[levels])
 
 
-def test_a_large_vocabulary_loads_from_the_cache_in_a_fraction_of_the_time(tmp_path):
-    words = full_size(tmp_path / "large.txt", 5)  # a tenth of ORBvoc.txt
+def test_a_large_vocabulary_loads_from_the_cache_in_a_fraction_of_the_time(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "_CACHED_FROM", 1 << 20)
+    words = full_size(tmp_path / "large.txt", 4)  # benchmarks/vocabularies.py does this at the size of ORBvoc.txt
     start = time.perf_counter()
     parsed = read_vocabulary(tmp_path / "large.txt", cache=tmp_path / "cache")
     between = time.perf_counter()
@@ -220,7 +221,6 @@ def test_a_large_vocabulary_loads_from_the_cache_in_a_fraction_of_the_time(tmp_p
     end = time.perf_counter()
     assert parsed.num_words == loaded.num_words == words
     assert np.array_equal(parsed.descriptors, loaded.descriptors)
-    assert end - between < 0.3
     assert end - between < between - start
 
 

@@ -95,7 +95,9 @@ def _columns(data: bytes, begin: int, path: Path) -> list[tuple[NDArray[Any], ..
     while begin < len(data):
         end = data.find(b"\n", min(begin + _CHUNK, len(data) - 1)) + 1
         table = _rows(data[begin:end], line, path)
-        pieces.append((table[:, 0].astype(np.int64), table[:, 1] == 1.0, table[:, 2:34].astype(np.uint8), table[:, 34].copy()))
+        pieces.append(
+            (table[:, 0].astype(np.int64), table[:, 1] == 1.0, table[:, 2:34].astype(np.uint8), table[:, 34].copy())
+        )
         line += data.count(b"\n", begin, end)
         begin = end
     if not any(len(parents) for parents, *_ in pieces):
