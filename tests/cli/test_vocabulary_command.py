@@ -58,7 +58,7 @@ def test_at_most_so_many_images_of_a_source(pictures, tmp_path, capsys):
 
 def test_info_says_what_is_in_a_file(pictures, tmp_path, capsys):
     target = tmp_path / "own.npz"
-    run(["vocabulary", "train", str(pictures), "-o", str(target), "-q", "--levels", "2"])
+    run(["vocabulary", "train", str(pictures), "-o", str(target), "-q", "--levels", "2", "--features", "60"])
     capsys.readouterr()
     assert run(["vocabulary", "info", str(target), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -78,6 +78,7 @@ def test_info_says_what_is_in_a_file(pictures, tmp_path, capsys):
         (["train", "{notes}", "-o", "{out}"], "notes.txt"),
         (["train", "{empty}", "-o", "{out}"], "neither a recording nor a folder with pictures"),
         (["train", "{black}", "-o", "{out}"], "fewer than two differ"),
+        (["train", "{one}", "-o", "{out}"], "every word occurs in every image"),
         (["train", "{damaged}", "-o", "{out}"], "no picture"),
         (["train", "{pictures}", "-o", "{pictures}"], "is a folder"),
         (["train", "{pictures}", "-o", "{out}", "--levels", "0"], "--levels"),
@@ -89,7 +90,7 @@ def test_wrong_input_is_one_line_and_writes_nothing(pictures, tmp_path, capsys, 
     (tmp_path / "damaged.png").write_bytes((pictures / "0.png").read_bytes()[:20])
     places = {
         "nowhere": tmp_path / "nowhere.txt", "notes": pictures / "notes.txt", "out": tmp_path / "out.npz",
-        "empty": tmp_path / "empty", "black": tmp_path / "black.png", "damaged": tmp_path / "damaged.png", "pictures": pictures,
+        "empty": tmp_path / "empty", "black": tmp_path / "black.png", "damaged": tmp_path / "damaged.png", "pictures": pictures, "one": pictures / "0.png",
     }  # fmt: skip
     assert run(["vocabulary", *(argument.format(**places) for argument in arguments)]) == 2
     error = capsys.readouterr().err.strip()
