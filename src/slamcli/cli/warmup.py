@@ -43,12 +43,16 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.bundle_adjustment",
     "vision.keyframe_database",
+    "vision.matching",
+    "vision.orb",
     "vision.vocabulary",
     "vision.vocabulary_training",
     "vision.pnp",
     "vision.pose_optimisation",
     "vision.triangulation",
+    "vision.two_view",
 )
 
 
