@@ -9,7 +9,7 @@ prior of its own, so that noise of the cameras does not end in the biases.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from slamcli.posegraph.inertial_links import (
     link_residuals,
     link_states,
     moved_states,
-    rotation_of,
 )
 
 Floats = NDArray[np.float64]
@@ -111,7 +110,9 @@ def align_inertial(
     """
     count = len(poses.stamps_ns)
     if count < 4:
-        raise EstimationError(f"{count} poses are not enough to find gravity and biases of an IMU: at least 4 are needed")
+        raise EstimationError(
+            f"{count} poses are not enough to find gravity and biases of an IMU: at least 4 are needed"
+        )
     n = np.arange(count)
     biases = np.zeros(6)
     motions = _integrated(poses, samples, biases, noise)
@@ -152,8 +153,12 @@ def _gyroscope_bias(poses: VisualPoses, motions: Preintegration) -> Floats:
     """
     turns, _ = poses.lever()
     error = motions.rotations.transpose(0, 2, 1) @ turns[:-1].transpose(0, 2, 1) @ turns[1:]
-    vectors = np.stack([error[:, 2, 1] - error[:, 1, 2], error[:, 0, 2] - error[:, 2, 0], error[:, 1, 0] - error[:, 0, 1]])
-    return np.asarray(np.median(np.linalg.solve(motions.jacobians[:, :3, :3], 0.5 * vectors.T[:, :, None])[:, :, 0], axis=0))
+    vectors = np.stack(
+        [error[:, 2, 1] - error[:, 1, 2], error[:, 0, 2] - error[:, 2, 0], error[:, 1, 0] - error[:, 0, 1]]
+    )
+    return np.asarray(
+        np.median(np.linalg.solve(motions.jacobians[:, :3, :3], 0.5 * vectors.T[:, :, None])[:, :, 0], axis=0)
+    )
 
 
 def _linear_start(
@@ -231,7 +236,12 @@ class _Problem:
         weight = 1 / (scale * s.position_sigma)
         off = states.positions - scale * self.around - states.rotations @ self.lever
         sigmas = np.repeat([s.gyroscope_bias_sigma, s.accelerometer_bias_sigma], 3)
-        parts = [out[:, :9].ravel(), (angles / s.rotation_sigma_rad).ravel(), (off * weight).ravel(), states.biases[0] / sigmas]
+        parts = [
+            out[:, :9].ravel(),
+            (angles / s.rotation_sigma_rad).ravel(),
+            (off * weight).ravel(),
+            states.biases[0] / sigmas,
+        ]
         values = np.concatenate(parts)
         if not derivatives:
             return values, np.empty((0, 0))
