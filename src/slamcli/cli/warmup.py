@@ -41,7 +41,9 @@ ROOMS = (
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
+    "simulation.render",
     "simulation.space",
+    "simulation.texture",
     "trajectory.attitude",
     "vision.bundle_adjustment",
     "vision.keyframe_database",
@@ -51,6 +53,7 @@ ROOMS = (
     "vision.vocabulary_training",
     "vision.pnp",
     "vision.pose_optimisation",
+    "vision.similarity_ransac",
     "vision.triangulation",
     "vision.two_view",
 )
