@@ -171,10 +171,10 @@ def _linear_start(
         if settings.fixed_scale:
             values = values - rows[:, 0]
             rows[:, 0] = 0.0
-        found = np.linalg.lstsq(rows, values, rcond=1e-12)[0]
+        found: Floats = np.asarray(np.linalg.lstsq(rows, values, rcond=1e-12)[0], np.float64)
         # A scale that is negative or vanishes is none: the descent has to find it from 1.
         scale = 1.0 if settings.fixed_scale or not found[0] > 1e-6 else float(found[0])
-    gravity = found[1:4] * settings.gravity_m_s2 / max(float(np.linalg.norm(found[1:4])), 1e-9)
+    gravity: Floats = found[1:4] * settings.gravity_m_s2 / max(float(np.linalg.norm(found[1:4])), 1e-9)
     return scale, gravity, found[4:].reshape(-1, 3)
 
 
@@ -247,12 +247,12 @@ class _Problem:
             return values, np.empty((0, 0))
         rows = np.zeros((len(values), GLOBALS + 9 * count))
         for k in range(n_links):
-            at = slice(9 * k, 9 * k + 9)
+            link = slice(9 * k, 9 * k + 9)
             i, j = GLOBALS + 9 * int(self.links.first[k]), GLOBALS + 9 * int(self.links.second[k])
-            rows[at, i : i + 9] = one[k, :9, :9]
-            rows[at, j : j + 9] = two[k, :9, :9]
-            rows[at, 3:9] = one[k, :9, 9:]
-            rows[at, 1:3] = down[k, :9] @ self.downward(gravity)
+            rows[link, i : i + 9] = one[k, :9, :9]
+            rows[link, j : j + 9] = two[k, :9, :9]
+            rows[link, 3:9] = one[k, :9, 9:]
+            rows[link, 1:3] = down[k, :9] @ self.downward(gravity)
         begin = 9 * n_links
         for k in range(count):
             i, at, also = GLOBALS + 9 * k, begin + 3 * k, begin + 3 * count + 3 * k
@@ -289,7 +289,7 @@ class _Problem:
             if self.settings.fixed_scale:
                 normal[0, 0] = 1.0
             while damping < 1e10:
-                step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), slope)
+                step: Floats = -np.asarray(np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-9), slope))
                 step[0] = np.clip(step[0], -1.0, 1.0)
                 moved = self.moved(step)
                 better = cost - float((self.residuals(*moved, derivatives=False)[0] ** 2).sum())

@@ -72,7 +72,7 @@ def link_states(first: Integers, second: Integers, motions: Preintegration) -> I
         raise EstimationError(f"{len(motions)} motions of the IMU cannot link {len(first)} and {len(second)} states")
     covariances = motions.covariances.copy()
     usable = motions.gaps_s <= LONGEST_GAP_S
-    covariances[np.ix_(~usable, range(9), range(9))] += UNKNOWN_VARIANCE * np.eye(9)
+    covariances[~usable, :9, :9] += UNKNOWN_VARIANCE * np.eye(9)
     roots = np.zeros_like(covariances)
     kernels.whiten(covariances, roots)
     return InertialLinks(
