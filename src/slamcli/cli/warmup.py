@@ -50,6 +50,7 @@ ROOMS = (
     "vision.vocabulary_training",
     "vision.pnp",
     "vision.pose_optimisation",
+    "vision.stereo_matching",
     "vision.triangulation",
     "vision.two_view",
 )
