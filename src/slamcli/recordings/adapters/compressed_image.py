@@ -18,6 +18,7 @@ from slamcli.recordings.adapters.messages import MessageFactory
 
 _MAX_PIXELS = 100_000_000
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_JPEG_MAGIC, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 # compressed_depth_image_transport: int32 format, float32 A, float32 B, then the PNG.
 _DEPTH_HEADER = struct.Struct("<iff")
 
@@ -27,7 +28,7 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Image]
     if "compresseddepth" in message.format.lower() or context.topic.endswith("/compressedDepth"):
         encoding, pixels = "depth", _depth(message.format, data, context)
     else:
-        encoding, pixels = _camera(_uncompress(data), context)
+        encoding, pixels = _camera(message.format, uncompress(data), context)
     image = Image(
         stamp_ns=stamp_ns,
         frame_id=context.frame(message.header.frame_id),
@@ -38,9 +39,12 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Image]
     return (image,)
 
 
-def _camera(raw: NDArray[Any], context: DecodeContext) -> tuple[str, NDArray[Any]]:
-    """Return encoding and pixels of an uncompressed image: OpenCV's order is blue, green, red."""
-    if raw.ndim == 2 and raw.dtype == np.uint16:
+def _camera(format: str, raw: NDArray[Any], context: DecodeContext) -> tuple[str, NDArray[Any]]:
+    """Return encoding and pixels of an uncompressed image: OpenCV's order is blue, green, red.
+
+    Grey of 16 bit is depth unless the format says mono16, as compressed_image_transport does for a camera's.
+    """
+    if raw.ndim == 2 and raw.dtype == np.uint16 and not format.startswith("mono16"):
         return "depth", to_metres(raw, context)
     if raw.dtype == np.uint16:
         raw = (raw >> 8).astype(np.uint8)
@@ -58,7 +62,7 @@ def _depth(format: str, data: bytes, context: DecodeContext) -> NDArray[np.float
     payload = data[_DEPTH_HEADER.size :]
     if "rvl" in format.lower() or payload[:8] != _PNG_MAGIC:
         raise DataError(f"compressed depth of format {format!r}: only PNG is decoded")
-    raw = _uncompress(payload)
+    raw = uncompress(payload)
     if raw.ndim != 2 or raw.dtype not in (np.uint8, np.uint16):
         raise DataError(f"compressed depth of {raw.dtype} pixels of shape {raw.shape}")
     if not format.startswith("32FC1"):
@@ -71,7 +75,7 @@ def _depth(format: str, data: bytes, context: DecodeContext) -> NDArray[np.float
     return depth / np.float32(context.mends.depth_units_per_m or 1.0)
 
 
-def _uncompress(data: bytes) -> NDArray[Any]:
+def uncompress(data: bytes) -> NDArray[Any]:
     """Return the pixels of a JPEG or PNG file as they lie in it.
 
     Raises
@@ -81,6 +85,8 @@ def _uncompress(data: bytes) -> NDArray[Any]:
     """
     import cv2
 
+    if not is_whole(data):
+        raise DataError(f"compressed image is cut off after {len(data)} bytes")
     width, height = image_size(data)
     if width * height > _MAX_PIXELS:
         raise DataError(f"compressed image of {width} x {height} pixels is larger than any camera's")
@@ -91,6 +97,23 @@ def _uncompress(data: bytes) -> NDArray[Any]:
     if raw is None:
         raise DataError(f"compressed image of {len(data)} bytes is no image, or damaged")
     return np.asarray(raw)
+
+
+def image_format(data: bytes, suffix: str) -> str:
+    """Return what CompressedImage calls the format of a camera's image file: ``jpeg``, ``png``, or mono16 said aloud."""
+    if data.startswith(_JPEG_MAGIC):
+        return "jpeg"
+    if not data.startswith(_PNG_MAGIC):
+        return suffix.lower().lstrip(".")
+    # The header chunk: width and height (4 bytes each) from byte 16, bit depth, colour type (0 is grey).
+    return "mono16; png compressed " if data[24:26] == b"\x10\x00" else "png"
+
+
+def is_whole(data: bytes) -> bool:
+    """Return whether a PNG or JPEG file holds the mark of its end; True for other formats, which tell less."""
+    if data.startswith(_PNG_MAGIC):
+        return b"IEND" in data[-1024:] or b"IEND" in data
+    return not data.startswith(_JPEG_MAGIC) or data.rfind(_JPEG_END) >= 0
 
 
 def image_size(data: bytes) -> tuple[int, int]:
