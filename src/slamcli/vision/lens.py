@@ -227,7 +227,9 @@ def lens_of(camera: CameraModel) -> Lens:
         raise CalibrationError(
             f"{where}: focal lengths {K[0, 0]:g}, {K[1, 1]:g} px: an uncalibrated camera; give its calibration with --camera"
         )
-    return Lens(kind=kind, fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], coefficients=coefficients)
+    return Lens(
+        kind=kind, fx=float(K[0, 0]), fy=float(K[1, 1]), cx=float(K[0, 2]), cy=float(K[1, 2]), coefficients=coefficients
+    )
 
 
 def _first_root(slope: Polynomial) -> float:
