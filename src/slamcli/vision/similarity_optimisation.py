@@ -79,13 +79,13 @@ def optimise_similarity(
     sides = _columns(side_1, side_2)
     count = len(sides[0])
     state = np.concatenate([np.asarray(S_1_2.rotation).ravel(), S_1_2.translation_m, [S_1_2.scale]]).astype(np.float64)
-    active = np.ones(count, np.bool_)
+    active: Flags = np.ones(count, np.bool_)
     for turn in range(2):
         more = iterations if turn == 0 or active.all() else 2 * iterations
         state, chi2, information = _descend(
             state, (*sides, camera.array), active, chi2_limit, more, fix_scale, turn == 0
         )
-        active = (chi2 <= chi2_limit).all(axis=1)
+        active = np.all(chi2 <= chi2_limit, axis=1)
         if np.count_nonzero(active) < min_inliers:
             raise EstimationError(
                 f"similarity: {np.count_nonzero(active)} of {count} matches agree with it, fewer than {min_inliers}"
