@@ -47,6 +47,7 @@ ROOMS = (
     "trajectory.attitude",
     "vision.bundle_adjustment",
     "vision.keyframe_database",
+    "vision.lens",
     "vision.matching",
     "vision.orb",
     "vision.vocabulary",
