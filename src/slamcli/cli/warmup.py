@@ -48,6 +48,7 @@ ROOMS = (
     "vision.bundle_adjustment",
     "vision.camera_system",
     "vision.keyframe_database",
+    "vision.lens",
     "vision.matching",
     "vision.orb",
     "vision.vocabulary",

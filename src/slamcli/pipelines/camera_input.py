@@ -13,12 +13,22 @@ from numpy.typing import NDArray
 
 from slamcli.errors import RecordingError, UsageError
 from slamcli.mapper import InputPlan, SensorOffer, Tier
-from slamcli.measurements import CameraRig, Image, ImuSample, Measurement, RgbdFrame, RigCalibration, StereoPair
-from slamcli.pipelines.camera_rig import BuiltRig, RigSources, build_rig, has_imu_place, recorded_noise
+from slamcli.measurements import (
+    CameraRig,
+    Image,
+    ImuNoise,
+    ImuSample,
+    Measurement,
+    RgbdFrame,
+    RigCalibration,
+    StereoPair,
+)
+from slamcli.pipelines.camera_rig import BuiltRig, RigSources, build_rig, has_imu_place
 from slamcli.pipelines.frame_pairing import DEPTH_TOLERANCE_S, STEREO_TOLERANCE_S, FramePairing
 from slamcli.pipelines.reading_ahead import read_ahead
 from slamcli.recordings import Recording, Topic
 from slamcli.recordings.camera_topics import CameraNames, CameraTopics, find_camera_topics
+from slamcli.recordings.imu_noise import recorded_noise
 from slamcli.recordings.raw import RawMessage
 from slamcli.recordings.sensor_picks import NONE
 from slamcli.recordings.stamps import stamp_reader
@@ -176,13 +186,14 @@ def feed_cameras(
     cameras = find_camera_topics(recording, request.names)
     imu = _imu_topic(recording, request)
     imu_frame = _frame_of(recording, imu)
-    plan = tier.plan(parameters, given, _offer(recording, request, cameras, imu_frame), log)
+    noise = None if imu is None else recorded_noise(recording.raw, imu.name)
+    plan = tier.plan(parameters, given, _offer(recording, request, cameras, imu_frame, noise), log)
     mode = plan.camera_mode or "mono"
     main, partner = cameras.of(mode)
     _tell_choice(cameras, mode, main, partner, request.names, log)
     used = imu if plan.imu else None
     sources = RigSources(
-        mode=mode, main=main, partner=partner, imu_frame=imu_frame if used is not None else None,
+        mode=mode, main=main, partner=partner, imu_frame=imu_frame if used is not None else None, imu_noise=noise,
         given=request.calibration, camera_info=request.names.camera_info, base_frame=request.base_frame,
         rate_hz=_rate_hz(recording, main.topic),
     )  # fmt: skip
@@ -195,17 +206,19 @@ def feed_cameras(
     )  # fmt: skip
 
 
-def _offer(recording: Recording, request: CameraRequest, cameras: CameraTopics, imu_frame: str | None) -> SensorOffer:
+def _offer(
+    recording: Recording, request: CameraRequest, cameras: CameraTopics, imu_frame: str | None, noise: ImuNoise | None
+) -> SensorOffer:
     """Return what the tier can choose from."""
     given = request.calibration
-    noise = (given is not None and given.imu_noise is not None) or recorded_noise(recording) is not None
+    noisy = noise is not None or (given is not None and given.imu_noise is not None)
     camera_frame = cameras.colour[0].frame_id
     place = imu_frame is not None and has_imu_place(recording, camera_frame, imu_frame, given)
     return SensorOffer(
         num_laser_scans=0,
         cameras=cameras.modes,
         imu=imu_frame is not None,
-        imu_calibrated=noise and place,
+        imu_calibrated=noisy and place,
         named=frozenset({"imu"} if request.imu not in (None, NONE) else ()),
         mode=request.mode,
     )

@@ -32,6 +32,8 @@ class RigSources:
     """First image of the right camera, or of the depth."""
     imu_frame: str | None
     """Frame of the IMU that is used; None without one."""
+    imu_noise: ImuNoise | None
+    """As the recording says it."""
     given: RigCalibration | None
     """By files."""
     camera_info: str | None
@@ -77,7 +79,7 @@ def build_rig(recording: Recording, sources: RigSources) -> BuiltRig:
         T_base_main=T_base_main,
         inertial=sources.imu_frame is not None,
         T_main_imu=T_main_imu,
-        imu_noise=(given.imu_noise if given is not None else None) or recorded_noise(recording) or ImuNoise(),
+        imu_noise=(given.imu_noise if given is not None else None) or sources.imu_noise or ImuNoise(),
         rate_hz=sources.rate_hz,
         base_is_upright=upright,
     )
@@ -89,12 +91,6 @@ def _virtual_baseline(given: RigCalibration | None, main: CameraModel) -> float 
     if given is None:
         return None
     return given.bf / float(main.intrinsics[0, 0]) if given.bf is not None else given.baseline_m
-
-
-def recorded_noise(recording: Recording) -> ImuNoise | None:
-    """Return the noise of the IMU as a data-set folder says it."""
-    noise: ImuNoise | None = getattr(recording.raw, "imu_noise", None)
-    return noise
 
 
 def has_imu_place(recording: Recording, camera_frame: str, imu_frame: str, given: RigCalibration | None) -> bool:
