@@ -17,6 +17,7 @@ from slamcli.vision.triangulation import triangulate
 from slamcli.vision.triangulation import warm as warm_triangulation
 from slamcli.vision.two_view_models import (
     FUNDAMENTAL_LIMIT,
+    PairModel,
     fit_models,
     motions_of_fundamental,
     motions_of_homography,
@@ -73,7 +74,7 @@ def initialise_two_view(
 
     A homography and a fundamental matrix are fitted to the same samples (`fit_models`); the one that explains more names
     the candidates, of which the one with most points ahead of both cameras wins. Its five degrees of freedom are refined
-    on the Sampson errors of all inliers, and it is checked again. Bundle adjustment is left to the caller.
+    on the Sampson errors of all inliers. Bundle adjustment is left to the caller.
 
     Parameters
     ----------
@@ -106,19 +107,17 @@ def initialise_two_view(
     homography, fundamental = fit_models(a, b, sigma_px=sigma_px, seed=seed, iterations=iterations)
     total = homography.score + fundamental.score
     share = homography.score / total if total > 0.0 else 0.0
-    model: Literal["homography", "fundamental"]
-    if share > HOMOGRAPHY_SHARE:
-        model, inliers = "homography", homography.inliers
-        motions = motions_of_homography(homography.matrix, camera.matrix)
-    else:
-        model, inliers = "fundamental", fundamental.inliers
-        motions = motions_of_fundamental(fundamental.matrix, camera.matrix)
+    views = _Pair(a, b, camera, sigma_px)
+    model: Literal["homography", "fundamental"] = "homography" if share > HOMOGRAPHY_SHARE else "fundamental"
+    found = homography if model == "homography" else fundamental
+    motions = views.motions(found, model)
     if not len(motions):
         raise EstimationError("two views: the images differ by a rotation only")
-    views = _Pair(a, b, camera, sigma_px)
-    checks = [views.check(motion, inliers) for motion in motions]
+    checks = [views.check(motion, found.inliers) for motion in motions]
     order = np.argsort([-check.num_good for check in checks], kind="stable")
-    T_b_a = views.refine(motions[order[0]], inliers)
+    T_b_a = motions[order[0]]
+    if model == "homography":
+        T_b_a = views.refine(T_b_a, found.inliers)
     best = views.check(T_b_a, views.epipolar_inliers(T_b_a))
     if checks[order[1]].num_good > CLEAR_SHARE[model] * best.num_good:
         raise EstimationError(
@@ -165,6 +164,19 @@ class _Pair:
     b: Floats
     camera: Pinhole
     sigma_px: float
+
+    def motions(self, found: PairModel, model: Literal["homography", "fundamental"]) -> Floats:
+        """Return the poses ``T_b_a`` (M, 4, 4) that a model allows.
+
+        Those of a fundamental matrix share one essential matrix, which is refined before it is taken apart: a
+        fundamental matrix knows nothing of the calibration, and what it says of the motion can be far off.
+        """
+        matrix = self.camera.matrix
+        if model == "homography":
+            return motions_of_homography(found.matrix, matrix)
+        T_b_a = self.refine(motions_of_fundamental(found.matrix, matrix)[0], found.inliers)
+        inverse = np.linalg.inv(matrix)
+        return motions_of_fundamental(inverse.T @ _cross(T_b_a[:3, 3]) @ T_b_a[:3, :3] @ inverse, matrix)
 
     def check(self, T_b_a: Floats, inliers: NDArray[np.bool_]) -> _Check:
         """Return what a motion makes of the inliers (N,)."""
