@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: MIT
+"""One image as tracking works on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.vision.features import Features
+from slamcli.vision.matching import FeatureGrid
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Frame:
+    """Key points of one moment, and what tracking found out about them."""
+
+    number: int
+    """Position among the frames that the mapper was given."""
+    stamp_ns: int
+    features: Features
+    grid: FeatureGrid
+    T_camera_map: NDArray[np.float64] | None = None
+    """float64 (4, 4); None where tracking failed."""
+    points: NDArray[np.int64]
+    """(N,), map point that each feature sees, or -1."""
+    reference: int = -1
+    """Keyframe that shares most points with it."""
+    colours: NDArray[np.uint8] | None = None
+    """(N, 3) RGB at the key points."""
+
+    @property
+    def num_points(self) -> int:
+        """How many features see a map point."""
+        return int((self.points >= 0).sum())
