@@ -87,6 +87,10 @@ class SensorOffer:
     """Roles (see `Tier.roles`) whose topics the user named: they are used whatever a configuration says."""
     mode: str | None = None
     """The mode (see `Tier.modes`) that the user asks for."""
+    cameras: frozenset[str] = frozenset()
+    """How the recording's images can be used: of ``mono``, ``stereo`` and ``rgbd``."""
+    imu_calibrated: bool = False
+    """Whether the IMU's place at the camera and its noise are known."""
 
     @property
     def spatial(self) -> bool:
@@ -116,6 +120,8 @@ class InputPlan:
     odom_frame: str | None = None
     """The frame that it calls the odometry's."""
     map_frame: str = "map"
+    camera_mode: str | None = None
+    """How images are used: ``mono``, ``stereo`` or ``rgbd``; None for a tier that does not see."""
     ratios: Mapping[str, float] = field(default_factory=dict)
     """Which share of the messages is used, by role; scans and clouds together are ``ranges``."""
 
@@ -127,7 +133,7 @@ class Tier(Protocol):
     parameters: type
     """Parameter dataclass; see `slamcli.parameters`."""
     roles: frozenset[str]
-    """What it can use: of ``scans``, ``points``, ``odometry``, ``imu``, ``fixes`` and ``landmarks``."""
+    """What it can use: of ``scans``, ``points``, ``odometry``, ``imu``, ``fixes``, ``landmarks`` and ``images``."""
     modes: tuple[str, ...]
     """Ways in which it can run that the user can choose between (``--mode``)."""
     resumes: bool
