@@ -8,20 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.errors import EstimationError
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 from slamcli.orbslam3.visible_points import visible_points
 from slamcli.vision.matching import match_brute_force, search_by_projection
 from slamcli.vision.pnp import estimate_pose_pnp
-from slamcli.vision.pose_optimisation import optimise_pose
+from slamcli.vision.pose_optimisation import PoseEstimate, optimise_pose
 
 _MOST_KEYFRAMES = 80
 """Of a local map (ORB-SLAM3's limit)."""
 _FEW = 20
 """Fewer matches than these ask for a wider search."""
 _LEAST_TRACKED = 10
-_TH_HIGH, _TH_LOW = 100, 50
-"""Hamming distances of ORB-SLAM."""
+_TH_HIGH = 100
+"""Hamming distance up to which descriptors can be of the same point (ORB-SLAM's TH_HIGH)."""
+_STRICTNESS = ((65, 0.8), (100, 1.0))
+"""Largest distance and ratio to the second best when matching without a motion model: strictly, then as loosely as RANSAC can bear."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,30 +111,40 @@ def track_keyframe(sparse_map: SparseMap, keyframe: int, guess: NDArray[np.float
     rows = np.flatnonzero(seen >= 0)
     if len(rows) < _LEAST_TRACKED:
         return False
-    matched = match_brute_force(
-        sparse_map.key_descriptors[keyframe, rows], frame.features.descriptors, max_distance=_TH_LOW + 15, ratio=0.8, mutual=True,
-        angles_a=sparse_map.angles[keyframe, rows], angles_b=frame.features.angles,
-    )  # fmt: skip
-    hits = np.flatnonzero(matched >= 0)
-    if len(hits) < _LEAST_TRACKED:
-        return False
-    ids, features = seen[rows[hits]], matched[hits]
+    for max_distance, ratio in _STRICTNESS:
+        matched = match_brute_force(
+            sparse_map.key_descriptors[keyframe, rows], frame.features.descriptors, max_distance=max_distance, ratio=ratio, mutual=True,
+            angles_a=sparse_map.angles[keyframe, rows], angles_b=frame.features.angles,
+        )  # fmt: skip
+        hits = np.flatnonzero(matched >= 0)
+        features, ids = matched[hits], seen[rows[hits]]
+        estimate = _pose_of_matches(sparse_map, frame, features, ids, guess, settings.seed)
+        if estimate is not None:
+            good = np.flatnonzero(estimate.inliers)
+            frame.T_camera_map = estimate.T_camera_map
+            frame.points[:] = -1
+            frame.points[features[good]] = ids[good]
+            return True
+    return False
+
+
+def _pose_of_matches(
+    sparse_map: SparseMap, frame: Frame, features: Ids, ids: Ids, guess: NDArray[np.float64], seed: int
+) -> PoseEstimate | None:
+    """Return the pose at which enough matches agree: refined from a guess, else from P3P; None if there is none."""
+    if len(ids) < _LEAST_TRACKED:
+        return None
     positions, pixels = sparse_map.positions[ids], frame.features.pixels[features]
     right, sigmas = frame.features.right[features], frame.features.sigmas[features]
     estimate = optimise_pose(guess, positions, pixels, right, sigmas, sparse_map.camera)
-    if estimate.inliers.sum() < max(_LEAST_TRACKED, 0.5 * len(hits)):
-        other = estimate_pose_pnp(positions, pixels, sigmas, sparse_map.camera, seed=settings.seed + frame.number)
-        if other.inliers.sum() >= _LEAST_TRACKED:
-            again = optimise_pose(other.T_camera_map, positions, pixels, right, sigmas, sparse_map.camera)
-            if again.inliers.sum() > estimate.inliers.sum():
-                estimate = again
-    if estimate.inliers.sum() < _LEAST_TRACKED:
-        return False
-    good = np.flatnonzero(estimate.inliers)
-    frame.T_camera_map = estimate.T_camera_map
-    frame.points[:] = -1
-    frame.points[features[good]] = ids[good]
-    return True
+    if estimate.inliers.sum() >= max(_LEAST_TRACKED, 0.5 * len(ids)):
+        return estimate
+    try:
+        other = estimate_pose_pnp(positions, pixels, sigmas, sparse_map.camera, seed=seed + frame.number, iterations=1000)
+    except EstimationError:
+        return None
+    estimate = optimise_pose(other.T_camera_map, positions, pixels, right, sigmas, sparse_map.camera)
+    return estimate if estimate.inliers.sum() >= _LEAST_TRACKED else None
 
 
 def local_keyframes(sparse_map: SparseMap, frame: Frame) -> Ids:
