@@ -57,6 +57,12 @@ def _names(context: click.Context, parameter: click.Parameter, values: tuple[str
     help="BreezySLAM: wheel radius and half axle in metres, ticks per turn. [default: 0.077 0.165 2000]",
 )
 @click.option("--laser-ahead", type=float, metavar="M", help="BreezySLAM: laser ahead of the axle. [default: 0.145]")
+@click.option(
+    "--depth-scale",
+    type=click.FloatRange(0, min_open=True),
+    metavar="UNITS",
+    help="Data-set folders: raw depth units per metre.  [default: as the data set says]",
+)
 @json_option
 @verbosity_options
 def command(
@@ -72,13 +78,15 @@ def command(
     laser_max_range: float | None,
     wheels: tuple[float, float, float] | None,
     laser_ahead: float | None,
+    depth_scale: float | None,
     as_json: bool,
     verbosity: int,
 ) -> int:
     """Convert recordings and classic logs between formats, or a saved state to its trajectory.
 
-    SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording) or a classic log
-    (CARMEN .log and .clf, BreezySLAM exp*.dat, also gzipped CARMEN). DST is named .bag (ROS 1), .mcap, .db3, or is a
+    SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording), a data-set folder
+    (TUM RGB-D, EuRoC, TUM-VI, KITTI odometry, 7-Scenes, ICL-NUIM) or a classic log (CARMEN .log and .clf, BreezySLAM
+    exp*.dat, also gzipped CARMEN). DST is named .bag (ROS 1), .mcap, .db3, or is a
     folder (a ROS 2 bag). Messages and stamps are kept; what DST held before is replaced in one step; DST.run.json says
     what was done.
 
@@ -100,6 +108,7 @@ def command(
     from slamcli.runtime import RunLog
 
     numbers = {"--laser-ahead": laser_ahead, "--laser-max-range": laser_max_range, "--laser-fov": laser_fov}
+    numbers["--depth-scale"] = depth_scale
     for option, value in numbers.items():
         if value is not None and not math.isfinite(value):
             raise UsageError(f"{option} {value:g} is not a finite number")
@@ -128,6 +137,7 @@ def command(
             selection=Selection(start_s=start_s, duration_s=duration_s, topics=topics, exclude_topics=exclude_topics),
             carmen=carmen,
             breezy=breezy,
+            depth_units_per_m=depth_scale,
             log=log,
         )
         console.tell(log)

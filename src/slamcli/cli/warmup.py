@@ -42,6 +42,7 @@ ROOMS = (
     "simulation.raycast",
     "simulation.space",
     "trajectory.attitude",
+    "vision.bundle_adjustment",
     "vision.keyframe_database",
     "vision.orb",
     "vision.vocabulary",

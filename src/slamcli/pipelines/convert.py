@@ -21,6 +21,7 @@ from slamcli.recordings.containers import create_raw, open_raw
 from slamcli.recordings.containers.reader import JoinedReader
 from slamcli.recordings.containers.transcoding import Transcoder, TranscodingError
 from slamcli.recordings.containers.writer import FileWriter
+from slamcli.recordings.folders import FolderReader, open_folder
 from slamcli.recordings.log_record import LogRecord
 from slamcli.recordings.raw import Contents, RawMessage, Topic
 from slamcli.recordings.writing import RecordingWriter
@@ -104,18 +105,22 @@ def convert(
     selection: Selection | None = None,
     carmen: CarmenOptions | None = None,
     breezy: BreezyOptions | None = None,
+    depth_units_per_m: float | None = None,
     log: RunLog | None = None,
 ) -> Conversion:
-    """Convert a recording or a classic log to a recording; what was at `target` is replaced in one step.
+    """Convert a recording, a data-set folder or a classic log to a recording; what was at `target` is replaced in one step.
 
     Parameters
     ----------
     sources
-        One recording (several files if it was split), or one CARMEN or BreezySLAM log; told apart by content.
+        One recording (several files if it was split), one data-set folder (see `slamcli.recordings.folders`), or one
+        CARMEN or BreezySLAM log; told apart by content.
     target
         File or folder to write; `format` and `compression` as in `slamcli.recordings.containers.create_raw`.
     encoding
         ``ros1`` or ``cdr`` for plain MCAP, which holds both; None is ``cdr``.
+    depth_units_per_m
+        Value of one metre in the depth images of a data-set folder; None for the data set's own.
     log
         Gets warnings on damage and what was left out.
 
@@ -137,7 +142,7 @@ def convert(
     classic = classic_kind(paths, breezy)
     if classic == "":
         copy = _Copy(writer, encoding, selection, log)
-        with open_raw(paths, log) as reader, writer:
+        with open_folder(paths, log, depth_units_per_m=depth_units_per_m) or open_raw(paths, log) as reader, writer:
             copy.run(reader)
             contents = reader.contents
     else:
@@ -222,7 +227,7 @@ class _Copy:
         """Messages that could not be converted."""
         return self._lost.total()
 
-    def run(self, reader: JoinedReader) -> None:
+    def run(self, reader: JoinedReader | FolderReader) -> None:
         contents = reader.contents
         names = [topic.name for topic in contents.topics]
         self._selection.check(names)
@@ -245,7 +250,7 @@ class _Copy:
                 f"{topic}: {count} messages are not what their type says and are left out ({self._first_loss[topic]})"
             )
 
-    def _copy_extras(self, reader: JoinedReader) -> None:
+    def _copy_extras(self, reader: JoinedReader | FolderReader) -> None:
         """Carry attachments and metadata of MCAP files over."""
         left_out = [extra.name for extra in reader.extras() if not self._writer.add_extra(extra)]
         if left_out:

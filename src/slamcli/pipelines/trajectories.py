@@ -19,6 +19,7 @@ from slamcli.measurements import FrameTransform, Odometry, StampedPose
 from slamcli.recordings import open_recording
 from slamcli.recordings.adapters import StampedPath
 from slamcli.recordings.classic_log import has_classic_content
+from slamcli.recordings.folders import TRUTH_TOPIC, find_layout
 from slamcli.recordings.mends import Mends
 from slamcli.recordings.recording import Recording
 from slamcli.runtime import RunLog
@@ -47,9 +48,10 @@ def parse_source(text: str) -> Source:
 
 
 def is_recording(path: Path) -> bool:
-    """Return whether a path is a recording: by its name, a folder with a metadata.yaml, or a classic log by its content."""
+    """Return whether a path is a recording: by its name, a folder of a bag or of a data set, or a classic log by its content."""
     if path.is_dir():
-        return (path / "metadata.yaml").exists() or any(path.glob("*.db3")) or any(path.glob("*.mcap"))
+        is_bag = (path / "metadata.yaml").exists() or any(path.glob("*.db3")) or any(path.glob("*.mcap"))
+        return is_bag or find_layout(path) is not None
     return path.suffix in RECORDING_SUFFIXES or has_classic_content(path)
 
 
@@ -67,8 +69,9 @@ def load_trajectory(
     ----------
     text
         A TUM, KITTI or EuRoC file; a saved state (``state.pbstream``, or ``state.pbstream:1`` for one of several
-        trajectories); ``recording:/topic`` with poses (PoseStamped, PoseWithCovarianceStamped, Odometry, Path
-        or TransformStamped); or ``recording:frame>child_frame``, a chain of transforms.
+        trajectories); a data-set folder or another recording with ``/groundtruth``; ``recording:/topic`` with poses
+        (PoseStamped, PoseWithCovarianceStamped, Odometry, Path or TransformStamped); or ``recording:frame>child_frame``,
+        a chain of transforms.
     times
         A file of stamps for a KITTI file.
     unit
@@ -102,12 +105,26 @@ def load_trajectory(
 def _from_recording(source: Source, mends: Mends, log: RunLog) -> Trajectory:
     with open_recording([source.path], mends=mends, log=log) as recording:
         if not source.part:
-            raise UsageError(f"{source.path} is a recording: say which poses in it, {_choices(recording)}")
+            source = _with_truth(source, recording, log)
         frame, arrow, child = source.part.partition(">")
         name = f"{source.path}:{source.part}"
         if arrow:
             return _from_frames(recording, frame.strip().lstrip("/"), child.strip().lstrip("/"), name, log)
         return _from_topic(recording, source.part, name, log)
+
+
+def _with_truth(source: Source, recording: Recording, log: RunLog) -> Source:
+    """Return where the recording's true poses are, as those of data sets are called.
+
+    Raises
+    ------
+    UsageError
+        If it has none of that name.
+    """
+    if not any(topic.name == TRUTH_TOPIC and topic.count for topic in recording.topics(StampedPose)):
+        raise UsageError(f"{source.path} is a recording: say which poses in it, {_choices(recording)}")
+    log.note(f"{source.path}: the true poses on {TRUTH_TOPIC} are taken")
+    return Source(source.path, TRUTH_TOPIC)
 
 
 def _choices(recording: Recording) -> str:

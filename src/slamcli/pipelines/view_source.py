@@ -9,6 +9,7 @@ from pathlib import Path
 from slamcli.errors import UsageError
 from slamcli.formats.pbstream.container import is_pbstream
 from slamcli.recordings.classic_log import has_classic_content
+from slamcli.recordings.folders import find_layout
 
 _RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
@@ -56,6 +57,7 @@ def _kind(source: Path) -> str:
             and not any(source.glob("*.db3*"))
             and not any(source.glob("*.mcap*"))
             and not any(source.glob("*.bag"))
+            and find_layout(source) is None
         ):
             raise UsageError(
                 f"{source}: neither a result (map.yaml, trajectory.tum) nor a recording lies in this folder"

@@ -6,6 +6,7 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -32,7 +33,8 @@ def open_recording(
 ) -> Recording:
     """Open a recording (one path, or several split files that belong together) to read its measurements.
 
-    CARMEN (``.log``, ``.clf``, also ``.gz``) and BreezySLAM logs (``exp*.dat``) are read as they are.
+    CARMEN (``.log``, ``.clf``, also ``.gz``) and BreezySLAM logs (``exp*.dat``) are read as they are, and so are the
+    folders of data sets (see `slamcli.recordings.folders`).
 
     Raises
     ------
@@ -41,11 +43,16 @@ def open_recording(
     """
     from slamcli.recordings.classic_log import open_classic
     from slamcli.recordings.containers import open_raw
+    from slamcli.recordings.folders import open_folder
 
     log = log if log is not None else RunLog()
     listed = [Path(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
-    raw: RawReader = open_classic(listed, log) or open_raw(listed, log)
-    recording = Recording(raw, mends=mends or Mends(), log=log)
+    mends = mends or Mends()
+    raw: RawReader | None = open_folder(listed, log, depth_units_per_m=mends.depth_units_per_m)
+    if raw is not None:
+        mends = replace(mends, depth_units_per_m=None)  # the folder's messages are in metres by it already
+    raw = raw or open_classic(listed, log) or open_raw(listed, log)
+    recording = Recording(raw, mends=mends, log=log)
     try:
         recording.check_mends()
     except SlamcliError:

@@ -18,6 +18,7 @@ from slamcli.recordings.adapters.messages import MessageFactory
 
 _MAX_PIXELS = 100_000_000
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_JPEG_MAGIC, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 # compressed_depth_image_transport: int32 format, float32 A, float32 B, then the PNG.
 _DEPTH_HEADER = struct.Struct("<iff")
 
@@ -27,7 +28,7 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Image]
     if "compresseddepth" in message.format.lower() or context.topic.endswith("/compressedDepth"):
         encoding, pixels = "depth", _depth(message.format, data, context)
     else:
-        encoding, pixels = _camera(_uncompress(data), context)
+        encoding, pixels = _camera(uncompress(data), context)
     image = Image(
         stamp_ns=stamp_ns,
         frame_id=context.frame(message.header.frame_id),
@@ -58,7 +59,7 @@ def _depth(format: str, data: bytes, context: DecodeContext) -> NDArray[np.float
     payload = data[_DEPTH_HEADER.size :]
     if "rvl" in format.lower() or payload[:8] != _PNG_MAGIC:
         raise DataError(f"compressed depth of format {format!r}: only PNG is decoded")
-    raw = _uncompress(payload)
+    raw = uncompress(payload)
     if raw.ndim != 2 or raw.dtype not in (np.uint8, np.uint16):
         raise DataError(f"compressed depth of {raw.dtype} pixels of shape {raw.shape}")
     if not format.startswith("32FC1"):
@@ -71,7 +72,7 @@ def _depth(format: str, data: bytes, context: DecodeContext) -> NDArray[np.float
     return depth / np.float32(context.mends.depth_units_per_m or 1.0)
 
 
-def _uncompress(data: bytes) -> NDArray[Any]:
+def uncompress(data: bytes) -> NDArray[Any]:
     """Return the pixels of a JPEG or PNG file as they lie in it.
 
     Raises
@@ -81,6 +82,8 @@ def _uncompress(data: bytes) -> NDArray[Any]:
     """
     import cv2
 
+    if not is_whole(data):
+        raise DataError(f"compressed image is cut off after {len(data)} bytes")
     width, height = image_size(data)
     if width * height > _MAX_PIXELS:
         raise DataError(f"compressed image of {width} x {height} pixels is larger than any camera's")
@@ -91,6 +94,13 @@ def _uncompress(data: bytes) -> NDArray[Any]:
     if raw is None:
         raise DataError(f"compressed image of {len(data)} bytes is no image, or damaged")
     return np.asarray(raw)
+
+
+def is_whole(data: bytes) -> bool:
+    """Return whether a PNG or JPEG file holds the mark of its end; True for other formats, which tell less."""
+    if data.startswith(_PNG_MAGIC):
+        return b"IEND" in data[-1024:] or b"IEND" in data
+    return not data.startswith(_JPEG_MAGIC) or data.rfind(_JPEG_END) >= 0
 
 
 def image_size(data: bytes) -> tuple[int, int]:

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: MIT
+"""Data sets as folders of images and text files, read as recordings: one module per layout, recognised by its files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from slamcli.errors import RecordingError
+from slamcli.recordings.containers.damage import Damage
+from slamcli.recordings.folders import kitti, seven_scenes, tum
+from slamcli.recordings.folders.layout import TRUTH_TOPIC, Layout, Reading
+from slamcli.recordings.folders.reader import FolderReader
+from slamcli.runtime import RunLog
+
+LAYOUTS: tuple[Layout, ...] = (seven_scenes.LAYOUT, tum.LAYOUT, kitti.LAYOUT)
+"""In the order in which they are looked for."""
+
+_BAG_SIGNS = ("metadata.yaml", "*.db3", "*.mcap", "*.db3.zstd", "*.mcap.zstd")
+
+
+def find_layout(folder: Path) -> tuple[Layout, Path] | None:
+    """Return the layout of a folder and its root, None for a bag or anything else."""
+    if not folder.is_dir() or any(next(folder.glob(sign), None) for sign in _BAG_SIGNS):
+        return None
+    return next(((layout, root) for layout in LAYOUTS if (root := layout.find(folder)) is not None), None)
+
+
+def open_folder(paths: Sequence[Path], log: RunLog, *, depth_units_per_m: float | None = None) -> FolderReader | None:
+    """Return a reader if `paths` is one data-set folder, None if it is something else.
+
+    Parameters
+    ----------
+    depth_units_per_m
+        Value of one metre in depth images; None for the data set's own.
+
+    Raises
+    ------
+    RecordingError
+        If nothing in it can be read, several folders are given, or the data sets lie one level down.
+    """
+    found = next((found for path in paths if (found := find_layout(path)) is not None), None)
+    if found is None:
+        _refuse_parent(paths)
+        return None
+    layout, root = found
+    if len(paths) > 1:
+        raise RecordingError(f"{root}: a data-set folder cannot be joined with other recordings; give one")
+    damage = Damage(log)
+    folder = layout.read(root, Reading(log=log, damage=damage, depth_units_per_m=depth_units_per_m))
+    return FolderReader(folder, layout.name, damage)
+
+
+def _refuse_parent(paths: Sequence[Path]) -> None:
+    """Raise if a folder is none itself, but holds data sets."""
+    for path in paths:
+        if not path.is_dir() or any(next(path.glob(sign), None) for sign in (*_BAG_SIGNS, "*.bag")):
+            continue
+        inside = [entry.name for entry in sorted(path.iterdir()) if entry.is_dir() and find_layout(entry)]
+        if inside:
+            listed = ", ".join(inside[:4]) + (", …" if len(inside) > 4 else "")
+            raise RecordingError(f"{path}: holds several recordings, name one: {listed}")
+
+
+__all__ = ["LAYOUTS", "TRUTH_TOPIC", "FolderReader", "find_layout", "open_folder"]

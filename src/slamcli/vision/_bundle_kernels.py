@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: MIT
+"""Bundle adjustment: normal equations with the points eliminated, steps of points, and residuals.
+
+Observations are sorted by point; those by free cameras stand first among a point's own, by increasing rank (turn of the
+camera's elimination). Increments are (phi, rho) in the camera's axes: a pose becomes [Exp(phi) | rho] pose. Work is given
+in ranges of points with sums of their own, so that ranges can run on threads and be added up in a fixed order.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+MONO_BOUND = 5.991  # 95 % of chi2 with 2 degrees of freedom
+STEREO_BOUND = 7.815  # with 3
+NEAREST = 1e-6  # units of the map ahead of the camera from which on a point counts as seen
+BEHIND = 1e8  # chi2 of a point behind the camera, so that no step gains by putting one there
+
+
+@njit(cache=True, nogil=True)
+def sort_stably(keys, size, order, starts):
+    """Fill `order` (M,) with a stable order by `keys` (values below `size`), and `starts` (size + 1,) of each key."""
+    starts[:] = 0
+    for n in range(len(keys)):
+        starts[keys[n] + 1] += 1
+    for k in range(size):
+        starts[k + 1] += starts[k]
+    ends = starts[:size].copy()
+    for n in range(len(keys)):
+        order[ends[keys[n]]] = n
+        ends[keys[n]] += 1
+
+
+@njit(cache=True, nogil=True)
+def mark_pairs(starts, columns, pairs):
+    """Set `pairs` [a, b] for free cameras a <= b (columns (M,) by point, -1: fixed) that see a point together."""
+    for p in range(len(starts) - 1):
+        for m in range(starts[p], starts[p + 1]):
+            a = columns[m]
+            if a < 0:
+                continue
+            for n in range(m, starts[p + 1]):
+                b = columns[n]
+                if b >= a:
+                    pairs[a, b] = True
+                elif b >= 0:
+                    pairs[b, a] = True
+
+
+@njit(cache=True, nogil=True)
+def move_cameras(poses, ranks, steps, out):
+    """Write [Exp(phi) | rho] pose of each camera with a rank to `out` (C, 3, 4); the others stay."""
+    for k in range(len(poses)):
+        rank = ranks[k]
+        if rank < 0:
+            out[k] = poses[k]
+            continue
+        x, y, z = steps[rank, 0], steps[rank, 1], steps[rank, 2]
+        square = x * x + y * y + z * z
+        angle = math.sqrt(square)
+        if angle < 1e-5:
+            a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
+        else:
+            a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
+        r00, r01, r02 = 1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
+        r10, r11, r12 = b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x
+        r20, r21, r22 = b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)
+        for j in range(4):
+            p0, p1, p2 = poses[k, 0, j], poses[k, 1, j], poses[k, 2, j]
+            out[k, 0, j] = r00 * p0 + r01 * p1 + r02 * p2
+            out[k, 1, j] = r10 * p0 + r11 * p1 + r12 * p2
+            out[k, 2, j] = r20 * p0 + r21 * p1 + r22 * p2
+        for i in range(3):
+            out[k, i, 3] += steps[rank, 3 + i]
+
+
+@njit(cache=True, nogil=True)
+def _loss(chi2, bound, robust):
+    """Huber's loss of a squared residual, or the square."""
+    if robust and chi2 > bound:
+        return 2.0 * math.sqrt(bound * chi2) - bound
+    return chi2
+
+
+@njit(cache=True, nogil=True)
+def _point_cost(begin, end, cameras, measured, weights, poses, x, y, z, camera, robust):
+    """Half the losses of one point at (x, y, z)."""
+    total = 0.0
+    for m in range(begin, end):
+        k = cameras[m]
+        cz = poses[k, 2, 0] * x + poses[k, 2, 1] * y + poses[k, 2, 2] * z + poses[k, 2, 3]
+        mono = math.isnan(measured[m, 2])
+        chi2 = BEHIND
+        if cz > NEAREST:
+            inverse = 1.0 / cz
+            cx = poses[k, 0, 0] * x + poses[k, 0, 1] * y + poses[k, 0, 2] * z + poses[k, 0, 3]
+            cy = poses[k, 1, 0] * x + poses[k, 1, 1] * y + poses[k, 1, 2] * z + poses[k, 1, 3]
+            u = camera[0] * cx * inverse + camera[2]
+            eu, ev = u - measured[m, 0], camera[1] * cy * inverse + camera[3] - measured[m, 1]
+            er = 0.0 if mono else u - camera[4] * inverse - measured[m, 2]
+            chi2 = weights[m] * (eu * eu + ev * ev + er * er)
+        total += _loss(chi2, MONO_BOUND if mono else STEREO_BOUND, robust)
+    return 0.5 * total
+
+
+@njit(cache=True, nogil=True)
+def squares(cameras, point_of, measured, weights, poses, points, camera, chi2, ahead):
+    """Fill chi2 (M,) and whether the point lies ahead of the camera (M,); inf behind."""
+    for m in range(len(cameras)):
+        k, p = cameras[m], point_of[m]
+        begin = poses[k]
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        cz = begin[2, 0] * x + begin[2, 1] * y + begin[2, 2] * z + begin[2, 3]
+        ahead[m] = cz > NEAREST
+        if not ahead[m]:
+            chi2[m] = np.inf
+            continue
+        u = camera[0] * (begin[0, 0] * x + begin[0, 1] * y + begin[0, 2] * z + begin[0, 3]) / cz + camera[2]
+        v = camera[1] * (begin[1, 0] * x + begin[1, 1] * y + begin[1, 2] * z + begin[1, 3]) / cz + camera[3]
+        eu, ev = u - measured[m, 0], v - measured[m, 1]
+        er = 0.0 if math.isnan(measured[m, 2]) else u - camera[4] / cz - measured[m, 2]
+        chi2[m] = weights[m] * (eu * eu + ev * ev + er * er)
+
+
+@njit(cache=True, nogil=True)
+def _observe(pose, x, y, z, measured, weight, camera, robust, out):
+    """Projection of one point: A = J'J (a00, a02, a11, a12, a22; a01 is 0) and J'e by the point in the camera's frame.
+
+    `out` (11,) takes these eight, weighted, and the point there. Returns half the loss; behind the camera A is 0.
+    """
+    cx = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
+    cy = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
+    cz = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+    mono = math.isnan(measured[2])
+    bound = MONO_BOUND if mono else STEREO_BOUND
+    out[8], out[9], out[10] = cx, cy, cz
+    if not cz > NEAREST:
+        for i in range(8):
+            out[i] = 0.0
+        return 0.5 * _loss(BEHIND, bound, robust)
+    inverse = 1.0 / cz
+    u = camera[0] * cx * inverse + camera[2]
+    eu, ev = u - measured[0], camera[1] * cy * inverse + camera[3] - measured[1]
+    er = 0.0 if mono else u - camera[4] * inverse - measured[2]
+    chi2 = weight * (eu * eu + ev * ev + er * er)
+    cost = 0.5 * _loss(chi2, bound, robust)
+    if robust and chi2 > bound:
+        weight *= math.sqrt(bound / chi2)
+    jx, jy = camera[0] * inverse, camera[1] * inverse
+    jxz, jyz = -jx * cx * inverse, -jy * cy * inverse
+    jr, jrz = (0.0, 0.0) if mono else (jx, jxz + camera[4] * inverse * inverse)
+    out[0] = weight * (jx * jx + jr * jr)
+    out[1] = weight * (jx * jxz + jr * jrz)
+    out[2] = weight * (jy * jy)
+    out[3] = weight * (jy * jyz)
+    out[4] = weight * (jxz * jxz + jyz * jyz + jrz * jrz)
+    out[5] = weight * (jx * eu + jr * er)
+    out[6] = weight * (jy * ev)
+    out[7] = weight * (jxz * eu + jyz * ev + jrz * er)
+    return cost
+
+
+@njit(cache=True, nogil=True)
+def _add_camera(seen, hessian, gradient):
+    """Add one observation to its camera's block (6, 6), upper part, and gradient (6,)."""
+    a00, a02, a11, a12, a22 = seen[0], seen[1], seen[2], seen[3], seen[4]
+    q0, q1, q2, x, y, z = seen[5], seen[6], seen[7], seen[8], seen[9], seen[10]
+    c00, c01, c02 = y * a02, y * a12 - z * a11, y * a22 - z * a12  # [p]x A
+    c10, c11, c12 = z * a00 - x * a02, -x * a12, z * a02 - x * a22
+    c20, c21, c22 = -y * a00, x * a11, x * a12 - y * a02
+    hessian[0, 0] += y * c02 - z * c01
+    hessian[0, 1] += z * c00 - x * c02
+    hessian[0, 2] += x * c01 - y * c00
+    hessian[0, 3] += c00
+    hessian[0, 4] += c01
+    hessian[0, 5] += c02
+    hessian[1, 1] += z * c10 - x * c12
+    hessian[1, 2] += x * c11 - y * c10
+    hessian[1, 3] += c10
+    hessian[1, 4] += c11
+    hessian[1, 5] += c12
+    hessian[2, 2] += x * c21 - y * c20
+    hessian[2, 3] += c20
+    hessian[2, 4] += c21
+    hessian[2, 5] += c22
+    hessian[3, 3] += a00
+    hessian[3, 5] += a02
+    hessian[4, 4] += a11
+    hessian[4, 5] += a12
+    hessian[5, 5] += a22
+    gradient[0] += y * q2 - z * q1
+    gradient[1] += z * q0 - x * q2
+    gradient[2] += x * q1 - y * q0
+    gradient[3] += q0
+    gradient[4] += q1
+    gradient[5] += q2
+
+
+@njit(cache=True, nogil=True)
+def _add_point(seen, pose, block, coupling):
+    """Add one observation to its point's sums (9,): six of the block's upper part and three of the gradient.
+
+    `coupling` (3, 6) takes the transposed block of camera and point: A R below [p]x A R.
+    """
+    a00, a02, a11, a12, a22 = seen[0], seen[1], seen[2], seen[3], seen[4]
+    q0, q1, q2, x, y, z = seen[5], seen[6], seen[7], seen[8], seen[9], seen[10]
+    for j in range(3):
+        r0, r1, r2 = pose[0, j], pose[1, j], pose[2, j]
+        b0, b1, b2 = a00 * r0 + a02 * r2, a11 * r1 + a12 * r2, a02 * r0 + a12 * r1 + a22 * r2
+        coupling[j, 0], coupling[j, 1], coupling[j, 2] = y * b2 - z * b1, z * b0 - x * b2, x * b1 - y * b0
+        coupling[j, 3], coupling[j, 4], coupling[j, 5] = b0, b1, b2
+        block[6 + j] += r0 * q0 + r1 * q1 + r2 * q2
+    b00, b10, b20 = coupling[0, 3], coupling[0, 4], coupling[0, 5]
+    b01, b11, b21 = coupling[1, 3], coupling[1, 4], coupling[1, 5]
+    b02, b12, b22 = coupling[2, 3], coupling[2, 4], coupling[2, 5]
+    block[0] += pose[0, 0] * b00 + pose[1, 0] * b10 + pose[2, 0] * b20
+    block[1] += pose[0, 0] * b01 + pose[1, 0] * b11 + pose[2, 0] * b21
+    block[2] += pose[0, 0] * b02 + pose[1, 0] * b12 + pose[2, 0] * b22
+    block[3] += pose[0, 1] * b01 + pose[1, 1] * b11 + pose[2, 1] * b21
+    block[4] += pose[0, 1] * b02 + pose[1, 1] * b12 + pose[2, 1] * b22
+    block[5] += pose[0, 2] * b02 + pose[1, 2] * b12 + pose[2, 2] * b22
+
+
+@njit(cache=True, nogil=True)
+def _factorise_point(block, damping, factor):
+    """Cholesky factor of a point's damped block into `factor` (9,): l10, l20, l21, 1/l00, 1/l11, 1/l22, L^-1 gradient."""
+    largest = max(block[0], block[3], block[5])
+    floor = 1e-6 * largest
+    d0 = block[0] + damping * max(block[0], floor)
+    d1 = block[3] + damping * max(block[3], floor)
+    d2 = block[5] + damping * max(block[5], floor)
+    least = 1e-14 * largest
+    l00 = math.sqrt(max(d0, least))
+    l10, l20 = block[1] / l00, block[2] / l00
+    l11 = math.sqrt(max(d1 - l10 * l10, least))
+    l21 = (block[4] - l10 * l20) / l11
+    l22 = math.sqrt(max(d2 - l20 * l20 - l21 * l21, least))
+    factor[0], factor[1], factor[2] = l10, l20, l21
+    factor[3], factor[4], factor[5] = 1.0 / l00, 1.0 / l11, 1.0 / l22
+    factor[6] = block[6] * factor[3]
+    factor[7] = (block[7] - l10 * factor[6]) * factor[4]
+    factor[8] = (block[8] - l20 * factor[6] - l21 * factor[7]) * factor[5]
+
+
+@njit(cache=True, nogil=True)
+def _eliminate(begin, end, ranks, slots, couplings, factor, blocks, gradient):
+    """Subtract one point's part from the reduced system; `couplings` become W L^-T (transposed)."""
+    l10, l20, l21, i0, i1, i2 = factor[0], factor[1], factor[2], factor[3], factor[4], factor[5]
+    y0, y1, y2 = factor[6], factor[7], factor[8]
+    for m in range(begin, end):
+        rank = ranks[m]
+        for r in range(6):
+            z0 = couplings[m, 0, r] * i0
+            z1 = (couplings[m, 1, r] - l10 * z0) * i1
+            z2 = (couplings[m, 2, r] - l20 * z0 - l21 * z1) * i2
+            couplings[m, 0, r], couplings[m, 1, r], couplings[m, 2, r] = z0, z1, z2
+            gradient[rank, r] -= z0 * y0 + z1 * y1 + z2 * y2
+    for n in range(begin, end):
+        x0, x1, x2 = couplings[n, 0, 0], couplings[n, 0, 1], couplings[n, 0, 2]
+        x3, x4, x5 = couplings[n, 0, 3], couplings[n, 0, 4], couplings[n, 0, 5]
+        y0, y1, y2 = couplings[n, 1, 0], couplings[n, 1, 1], couplings[n, 1, 2]
+        y3, y4, y5 = couplings[n, 1, 3], couplings[n, 1, 4], couplings[n, 1, 5]
+        z0, z1, z2 = couplings[n, 2, 0], couplings[n, 2, 1], couplings[n, 2, 2]
+        z3, z4, z5 = couplings[n, 2, 3], couplings[n, 2, 4], couplings[n, 2, 5]
+        for m in range(begin, n + 1):
+            block = blocks[slots[ranks[m], ranks[n]]]
+            again = 2 if ranks[m] == ranks[n] and m != n else 1
+            for r in range(6):
+                a, b, c = couplings[m, 0, r], couplings[m, 1, r], couplings[m, 2, r]
+                b0 = block[r, 0] - (a * x0 + b * y0 + c * z0)
+                b1 = block[r, 1] - (a * x1 + b * y1 + c * z1)
+                b2 = block[r, 2] - (a * x2 + b * y2 + c * z2)
+                b3 = block[r, 3] - (a * x3 + b * y3 + c * z3)
+                b4 = block[r, 4] - (a * x4 + b * y4 + c * z4)
+                b5 = block[r, 5] - (a * x5 + b * y5 + c * z5)
+                block[r, 0], block[r, 1], block[r, 2] = b0, b1, b2
+                block[r, 3], block[r, 4], block[r, 5] = b3, b4, b5
+            if again == 2:  # one camera saw the point twice: both orders fall into its own block
+                for r in range(6):
+                    for s in range(6):
+                        for t in range(3):
+                            block[r, s] -= couplings[n, t, r] * couplings[m, t, s]
+
+
+@njit(cache=True, nogil=True)
+def build(
+    first, last, starts, free_ends, cameras, ranks, slots, measured, weights, poses, points, held, camera, robust,
+    damping, couplings, factors, costs, hessians, gradients, blocks, reduced,
+):  # fmt: skip
+    """Linearise points first to last and subtract them from the reduced system.
+
+    Cameras' own blocks go to `hessians` (F, 6, 6), upper parts, and `gradients` (F, 6); what the points take away to
+    `blocks` (B, 6, 6) at slots [rank, rank], and `reduced` (F, 6). Per point: `factors` (P, 9), `costs` (P,); per
+    observation: `couplings` (M, 3, 6). `held` (P,): points that do not move.
+    """
+    seen, block, unused = np.empty(11), np.empty(9), np.empty((3, 6))
+    for p in range(first, last):
+        begin, middle, end = starts[p], free_ends[p], starts[p + 1]
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        block[:] = 0.0
+        cost = 0.0
+        for m in range(begin, end):
+            pose = poses[cameras[m]]
+            cost += _observe(pose, x, y, z, measured[m], weights[m], camera, robust, seen)
+            if m < middle:
+                _add_camera(seen, hessians[ranks[m]], gradients[ranks[m]])
+                _add_point(seen, pose, block, couplings[m])
+            else:
+                _add_point(seen, pose, block, unused)
+        costs[p] = cost
+        if held[p] or block[0] + block[3] + block[5] <= 0.0:
+            factors[p] = 0.0
+            continue
+        _factorise_point(block, damping, factors[p])
+        _eliminate(begin, middle, ranks, slots, couplings, factors[p], blocks, reduced)
+
+
+@njit(cache=True, nogil=True)
+def move_points(
+    first, last, starts, free_ends, cameras, ranks, measured, weights, poses, points, camera, robust, couplings, factors,
+    costs, steps, moved,
+):  # fmt: skip
+    """Write where points first to last go with the cameras' `steps` (F, 6) to `moved`; return the cost there.
+
+    `poses` are the moved cameras. A point whose own cost rose stays where it was if that is the better place: one point
+    that runs away along its ray must not spoil the step of all.
+    """
+    total = 0.0
+    for p in range(first, last):
+        begin, end = starts[p], starts[p + 1]
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        factor = factors[p]
+        if factor[3] == 0.0:
+            moved[p] = points[p]
+            total += _point_cost(begin, end, cameras, measured, weights, poses, x, y, z, camera, robust)
+            continue
+        s0, s1, s2 = factor[6], factor[7], factor[8]
+        for m in range(begin, free_ends[p]):
+            rank = ranks[m]
+            for r in range(6):
+                step = steps[rank, r]
+                s0 += couplings[m, 0, r] * step
+                s1 += couplings[m, 1, r] * step
+                s2 += couplings[m, 2, r] * step
+        d2 = -s2 * factor[5]
+        d1 = (-s1 - factor[2] * d2) * factor[4]
+        d0 = (-s0 - factor[0] * d1 - factor[1] * d2) * factor[3]
+        cost = _point_cost(begin, end, cameras, measured, weights, poses, x + d0, y + d1, z + d2, camera, robust)
+        moved[p, 0], moved[p, 1], moved[p, 2] = x + d0, y + d1, z + d2
+        if not cost <= costs[p]:
+            other = _point_cost(begin, end, cameras, measured, weights, poses, x, y, z, camera, robust)
+            if not cost <= other:
+                cost = other
+                moved[p] = points[p]
+        total += cost
+    return total

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: MIT
+"""A bundle problem sorted by point, its normal equations with the points eliminated, and the step they ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.vision import _bundle_kernels as kernels
+from slamcli.vision.bundle_problem import BundleProblem
+from slamcli.vision.camera_system import CameraSystem
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+RANGES = 4  # of points, each with sums of its own: fixed, so that the bytes do not depend on the threads
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BundleState:
+    """Where the unknowns stand."""
+
+    poses: Floats
+    """float64 (C, 3, 4), upper rows of T_camera_map."""
+    points: Floats
+    """float64 (P, 3)."""
+
+
+class BundleSystem:
+    """Normal equations of a problem (Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, 6.1)."""
+
+    def __init__(self, problem: BundleProblem, held: NDArray[np.bool_], pool: Executor | None = None) -> None:
+        """Sort the observations; `held` bool (P,): points that stay."""
+        self.camera, self.pool, self.held = problem.camera.array, pool, held
+        free = np.flatnonzero(~problem.fixed)
+        columns = np.full(len(problem.fixed), -1, np.int64)
+        columns[free] = np.arange(len(free))
+        order, starts = _sorted(problem.point_index, len(problem.points))
+        pairs = np.eye(len(free), dtype=np.bool_)
+        kernels.mark_pairs(starts, columns[problem.camera_index[order]], pairs)
+        self.system = CameraSystem(pairs)
+        self.free = free
+        """int64 (F,), cameras that move."""
+        self.camera_ranks = columns.copy()
+        """int64 (C,), rank of each camera, -1: fixed."""
+        self.camera_ranks[free] = self.system.ranks
+        # by point, within a point by rank, the fixed ones last
+        turns = np.where(self.camera_ranks < 0, len(free), self.camera_ranks)[problem.camera_index]
+        by_turn, _ = _sorted(turns, len(free) + 1)
+        again, self._starts = _sorted(problem.point_index[by_turn], len(problem.points))
+        order = by_turn[again]
+        self._cameras = np.ascontiguousarray(problem.camera_index[order], np.int64)
+        self._ranks = self.camera_ranks[self._cameras]
+        moving = np.concatenate([[0], np.cumsum(self._ranks >= 0)])
+        self._free_ends = self._starts[:-1] + moving[self._starts[1:]] - moving[self._starts[:-1]]
+        self._measured = np.column_stack([problem.pixels, problem.right])[order]
+        self._weights = 1.0 / problem.sigmas[order] ** 2
+        self._ranges = _ranges(self._starts)
+        count, size, blocks = len(problem.points), len(free), len(self.system.rows)
+        self._couplings = np.empty((len(problem), 3, 6))
+        self._factors, self._costs = np.zeros((count, 9)), np.zeros(count)
+        self._hessians, self._gradients = np.empty((RANGES, size, 6, 6)), np.empty((RANGES, size, 6))
+        self._blocks, self._reduced = np.empty((RANGES, blocks, 6, 6)), np.empty((RANGES, size, 6))
+
+    def linearise(self, state: BundleState, damping: float, robust: bool) -> tuple[Floats, Floats, float]:
+        """Return the reduced blocks (B, 6, 6), damped, the gradient (F, 6) by rank, and the cost at a state.
+
+        `damping` multiplies the diagonals of the points' and of the cameras' blocks (Marquardt's scaling).
+        """
+        for sums in (self._hessians, self._gradients, self._blocks, self._reduced):
+            sums[:] = 0.0
+
+        def part(r: int) -> None:
+            kernels.build(
+                self._ranges[r], self._ranges[r + 1], self._starts, self._free_ends, self._cameras, self._ranks,
+                self.system.slots, self._measured, self._weights, state.poses, state.points, self.held, self.camera,
+                robust, damping, self._couplings, self._factors, self._costs, self._hessians[r], self._gradients[r],
+                self._blocks[r], self._reduced[r],
+            )  # fmt: skip
+
+        self._each(part)
+        blocks, own = _added(self._blocks), _added(self._hessians)
+        diagonal = np.einsum("fii->fi", own)
+        diagonal += damping * np.maximum(diagonal, 1e-9 * diagonal.max(axis=1, initial=0.0, keepdims=True))
+        diagonal += np.where(diagonal > 0, 0.0, 1.0)  # a camera that sees nothing stays
+        blocks[self.system.diagonal_slots] += own
+        return blocks, _added(self._reduced) + _added(self._gradients), float(self._costs.sum())
+
+    def move(self, state: BundleState, steps: Floats, robust: bool) -> tuple[BundleState, float]:
+        """Return the state after the cameras' steps (F, 6), by rank, and those of the points that follow, and its cost.
+
+        The points' steps are those of the last linearisation.
+        """
+        poses, points = np.empty_like(state.poses), np.empty_like(state.points)
+        kernels.move_cameras(state.poses, self.camera_ranks, steps, poses)
+        totals = np.zeros(RANGES)
+
+        def part(r: int) -> None:
+            totals[r] = kernels.move_points(
+                self._ranges[r], self._ranges[r + 1], self._starts, self._free_ends, self._cameras, self._ranks,
+                self._measured, self._weights, poses, state.points, self.camera, robust, self._couplings, self._factors,
+                self._costs, steps, points,
+            )  # fmt: skip
+
+        self._each(part)
+        return BundleState(poses=poses, points=points), float(_added(totals))
+
+    def _each(self, part: Callable[[int], None]) -> None:
+        """Do all ranges, side by side where there are threads."""
+        if self.pool is None:
+            for r in range(RANGES):
+                part(r)
+        else:
+            list(self.pool.map(part, range(RANGES)))
+
+
+def _sorted(keys: Integers, size: int) -> tuple[Integers, Integers]:
+    """Return a stable order (M,) by keys below `size`, and where each key begins (size + 1,)."""
+    order, starts = np.empty(len(keys), np.int64), np.empty(size + 1, np.int64)
+    kernels.sort_stably(np.ascontiguousarray(keys, np.int64), size, order, starts)
+    return order, starts
+
+
+def _ranges(starts: Integers) -> Integers:
+    """Return bounds (RANGES + 1,) of points with about the same work: it grows as the square of a point's observations."""
+    work = np.cumsum(np.diff(starts) ** 2 + 10)
+    total = int(work[-1]) if len(work) else 0
+    inner = np.searchsorted(work, total * np.arange(1, RANGES) // RANGES)
+    return np.concatenate([[0], inner, [len(work)]]).astype(np.int64)
+
+
+def _added(parts: Floats) -> Floats:
+    """Return the sum over the ranges, always in the same order."""
+    total = parts[0].copy()
+    for part in parts[1:]:
+        total += part
+    return total

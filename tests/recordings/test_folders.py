@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: MIT
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import cv2
+import data_folders
+import numpy as np
+import pytest
+
+from slamcli.errors import RecordingError
+from slamcli.measurements import CameraModel, Image, StampedPose
+from slamcli.pipelines.convert import convert
+from slamcli.recordings import open_recording
+from slamcli.recordings.mends import Mends
+from slamcli.runtime import RunLog
+
+RGB, DEPTH = "/camera/rgb/image_color/compressed", "/camera/depth/image"
+
+
+def _all(path: Path, topic: str, log: RunLog | None = None, **more: Any) -> list[Any]:
+    with open_recording(path, log=log, **more) as recording:
+        return list(recording.measurements([topic]))
+
+
+def test_seven_scenes_is_a_recording(tmp_path: Path) -> None:
+    folder = data_folders.seven_scenes(tmp_path / "seq-01")
+    log = RunLog()
+    with open_recording(folder, log=log) as recording:
+        assert recording.contents.format == "7-Scenes folder"
+        assert {topic.name: topic.count for topic in recording.contents.topics} == {
+            "/camera/rgb/camera_info": 4, "/camera/depth/camera_info": 4, RGB: 4, DEPTH: 4, "/groundtruth": 4,
+        }  # fmt: skip
+        images = list(recording.measurements([RGB]))
+        depth = list(recording.measurements([DEPTH]))
+        poses = list(recording.measurements(["/groundtruth"]))
+        cameras = list(recording.measurements(["/camera/rgb/camera_info"]))
+    assert [image.stamp_ns for image in images] == [1, 33333333, 66666667, 100000000]
+    np.testing.assert_array_equal(images[2].pixels, data_folders.picture(2))
+    assert depth[1].encoding == "depth"
+    assert depth[1].pixels[0, :3].tolist() == [0.0, 0.0, np.float32(1.012)]
+    assert [type(pose) for pose in poses] == [StampedPose] * 4
+    np.testing.assert_allclose(poses[3].position_m, [0.3, 0, 0])
+    assert cameras[0].intrinsics[0].tolist() == [585.0, 0.0, 320.0]
+    assert (cameras[0].width, cameras[0].height) == (64, 48)
+    assert any("nominal" in note for note in log.notes)
+    assert not log.warnings
+
+
+def test_own_intrinsics_of_seven_scenes_go_first(tmp_path: Path) -> None:
+    folder = data_folders.seven_scenes(tmp_path / "a", 1)
+    (folder / "camera-intrinsics.txt").write_text("538 0 31\n0 539 23\n0 0 1\n")
+    camera = _all(folder, "/camera/rgb/camera_info")[0]
+    assert camera.intrinsics.tolist() == [[538, 0, 31], [0, 539, 23], [0, 0, 1]]
+
+
+@pytest.mark.parametrize(("name", "fx"), [("rgbd_dataset_freiburg1_desk", 517.3), ("fr3_office", 535.4)])
+def test_tum_is_a_recording(tmp_path: Path, name: str, fx: float) -> None:
+    folder = data_folders.tum(tmp_path / name)
+    log = RunLog()
+    images, depth = _all(folder, RGB, log), _all(folder, DEPTH)
+    assert [image.stamp_ns for image in images][:2] == [1305031102_175304000, 1305031102_208637000]
+    assert depth[0].stamp_ns - images[0].stamp_ns == 7_000_000
+    np.testing.assert_array_equal(images[0].pixels, data_folders.picture(0))
+    assert depth[0].pixels[0, :3].tolist() == [0.0, 0.0, float(np.float32(1002) / np.float32(5000))]
+    assert _all(folder, "/camera/depth/camera_info")[0].intrinsics[0, 0] == fx
+    assert any("freiburg" in note for note in log.notes)
+    assert len(_all(folder, "/groundtruth")) == 4
+
+
+def test_a_given_depth_scale_is_applied_once(tmp_path: Path) -> None:
+    folder = data_folders.tum(tmp_path / "fr1")
+    for scale in (1000.0, 2000.0):
+        depth = _all(folder, DEPTH, mends=Mends(depth_units_per_m=scale))[0]
+        assert depth.pixels[0, 2] == np.float32(1002) / np.float32(scale)
+
+
+def test_kitti_is_a_stereo_recording(tmp_path: Path) -> None:
+    folder = data_folders.kitti(tmp_path / "06", cameras=(0, 1, 2, 3))
+    with open_recording(folder) as recording:
+        assert [topic.count for topic in recording.topics(Image)] == [4] * 4
+        cameras = {c.topic: c for t in recording.topics(CameraModel) for c in recording.measurements([t])}
+        shifts = {topic: camera.projection[0, 3] for topic, camera in cameras.items()}
+        assert shifts == pytest.approx(
+            {
+                "/gray/left/camera_info": 0.0,
+                "/gray/right/camera_info": -350.0,
+                "/color/left/camera_info": 0.0,
+                "/color/right/camera_info": -350.0,
+            }
+        )
+        frames = recording.frames()
+        np.testing.assert_allclose(frames.lookup("gray_left", "gray_right", 0)[:3, 3], [0.5, 0, 0], atol=1e-12)
+        np.testing.assert_allclose(frames.lookup("gray_left", "color_left", 0)[:3, 3], [-0.06, 0, 0], atol=1e-12)
+        poses = list(recording.measurements(["/groundtruth"]))
+    assert [pose.stamp_ns for pose in poses] == [1, 100_000_000, 200_000_000, 300_000_000]
+    assert poses[3].position_m.tolist() == [0, 0, 3]
+
+
+def test_kitti_poses_beside_the_sequences(tmp_path: Path) -> None:
+    folder = data_folders.kitti(tmp_path / "sequences" / "07")
+    (tmp_path / "poses").mkdir()
+    shutil.move(folder / "poses.txt", tmp_path / "poses" / "07.txt")
+    assert len(_all(folder, "/groundtruth")) == 4
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ""])
+@pytest.mark.parametrize("make", [data_folders.tum, data_folders.seven_scenes, data_folders.kitti])
+def test_a_converted_folder_says_the_same(tmp_path: Path, make: Any, suffix: str) -> None:
+    folder = make(tmp_path / "fr2")
+    target = tmp_path / f"out{suffix}"
+    convert([folder], target)
+    with open_recording(folder) as a, open_recording(target) as b:
+        topics = [topic.name for topic in a.contents.topics if topic.name != "/tf_static"]
+        assert sorted(topic.name for topic in b.contents.topics if topic.name != "/tf_static") == sorted(topics)
+        for topic in topics:
+            for x, y in zip(a.measurements([topic]), b.measurements([topic]), strict=True):
+                assert x.stamp_ns == y.stamp_ns
+                if isinstance(x, Image):
+                    assert x.pixels.dtype == y.pixels.dtype
+                    np.testing.assert_array_equal(x.pixels, y.pixels)
+                elif isinstance(x, CameraModel):
+                    np.testing.assert_array_equal(x.projection, y.projection)
+
+
+def test_parts_are_found_by_seeking(tmp_path: Path) -> None:
+    folder = data_folders.kitti(tmp_path / "x", 10)
+    with open_recording(folder) as recording:
+        part = recording.measurements(["/gray/left/image_rect/compressed"], start_s=0.35, duration_s=0.3)
+        assert [image.stamp_ns // 10**8 for image in part] == [4, 5, 6]
+
+
+def test_damage_is_said_and_the_rest_is_read(tmp_path: Path) -> None:
+    folder = data_folders.tum(tmp_path / "fr1", 6)
+    rgb, depth = (sorted((folder / kind).iterdir()) for kind in ("rgb", "depth"))
+    rgb[0].unlink()
+    rgb[1].write_bytes(b"")
+    rgb[2].write_bytes(rgb[2].read_bytes()[:-300])
+    depth[3].write_bytes(depth[3].read_bytes()[:-100])
+    cv2.imwrite(str(depth[4]), np.zeros((48, 64), dtype=np.uint8))
+    with (folder / "rgb.txt").open("a") as stream:
+        stream.write("nonsense\nabc rgb/x.png\n")
+    log = RunLog()
+    assert len(_all(folder, RGB, log)) == 3
+    assert len(_all(folder, DEPTH, log)) == 4
+    told = "\n".join(log.warnings)
+    for line in ("1 of 6 images that it names are missing", "1 of 6 images are empty", "2 lines cannot be understood",
+                 f"{RGB}: 1 images cannot be read", f"{DEPTH}: 2 images cannot be read"):  # fmt: skip
+        assert line in told
+
+
+def test_what_a_nearly_complete_folder_lacks_is_said(tmp_path: Path) -> None:
+    kitti = data_folders.kitti(tmp_path / "kitti")
+    (kitti / "times.txt").unlink()
+    (kitti / "calib.txt").unlink()
+    log = RunLog()
+    images = _all(kitti, "/gray/right/image_rect/compressed", log)
+    assert [image.stamp_ns for image in images] == [1, 100_000_000, 200_000_000, 300_000_000]
+    assert any("times.txt is missing" in line for line in log.warnings)
+    assert any("calib.txt is missing" in line for line in log.warnings)
+    tum = data_folders.tum(tmp_path / "tum_fr1")
+    (tum / "depth.txt").unlink()
+    log = RunLog()
+    assert len(_all(tum, DEPTH, log)) == 4
+    assert any("depth.txt is missing: the images in depth are stamped by their names" in line for line in log.warnings)
+
+
+def test_a_folder_of_sequences_is_refused_by_name(tmp_path: Path) -> None:
+    data_folders.seven_scenes(tmp_path / "scene" / "seq-01", 1)
+    data_folders.seven_scenes(tmp_path / "scene" / "seq-02", 1)
+    with pytest.raises(RecordingError, match="name one: seq-01, seq-02"):
+        open_recording(tmp_path / "scene")
+    with pytest.raises(RecordingError, match="cannot be joined"):
+        open_recording([tmp_path / "scene" / "seq-01", tmp_path / "scene" / "seq-02"])
+
+
+def test_an_empty_list_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    (folder / "rgb.txt").write_text("# nothing\n")
+    with pytest.raises(RecordingError, match=r"nothing of it can be read \(.*names no images"):
+        open_recording(folder)
