@@ -12,7 +12,8 @@ from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, seed_option, verbosity_options
 from slamcli.errors import UsageError
 
-_SENSORS = {"/scan": "scans", "/points": "clouds"}
+_SENSORS = {"/scan": "scans", "/points": "clouds", "/imu": "IMU samples"}
+_CAMERAS = ("mono", "stereo", "rgbd")
 
 
 def _list_worlds(ctx: click.Context, _parameter: click.Parameter, wanted: bool) -> None:
@@ -45,7 +46,20 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--people", type=click.IntRange(min=0), help="How many people walk about (people.count).")
 @click.option("--imu/--no-imu", default=None, help="Record an IMU (imu.enabled).")
 @click.option("--lidar3d/--no-lidar3d", default=None, help="Record a spinning scanner (lidar3d.enabled).")
-@click.option("--truth", type=click.Path(), metavar="FILE", help="Write the true pose at every scan (TUM).")
+@click.option(
+    "--camera",
+    type=click.Choice([*_CAMERAS, *(f"{c}-inertial" for c in _CAMERAS)]),
+    help="Record a camera (camera.kind), and an IMU.",
+)
+@click.option("--image-size", metavar="WxH", help="Pixels, for example 640x480 (camera.width, camera.height).")
+@click.option("--rate", type=float, help="Images per second (camera.rate).")
+@click.option("--exposure", type=float, help="Seconds for which the shutter is open (camera.exposure).")
+@click.option("--motion-blur/--no-motion-blur", default=None, help="Blur over the exposure (camera.motion_blur).")
+@click.option(
+    "--rolling-shutter", type=float, metavar="S", help="Seconds from the first to the last row (camera.readout)."
+)
+@click.option("--compressed/--raw", default=None, help="JPEG and PNG, or raw images (camera.compressed).")
+@click.option("--truth", type=click.Path(), metavar="FILE", help="Write the true pose at every scan or image (TUM).")
 @click.option("--map-out", "map_path", type=click.Path(), metavar="FILE", help="Write the true map (map.yaml, .pgm).")
 @click.option("--format", "container", metavar="FORMAT", help="Container, where OUT's suffix does not say it.")
 @click.option("--compression", metavar="NAME", help="Compression of the container: none, bz2, lz4, zstd.")
@@ -55,8 +69,10 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @verbosity_options
 def command(
     world: str, out: str, seed: int, duration_s: float | None, start: str | None, assignments: tuple[str, ...],
-    people: int | None, imu: bool | None, lidar3d: bool | None, truth: str | None, map_path: str | None, container: str | None,
-    compression: str | None, as_json: bool, verbosity: int,
+    people: int | None, imu: bool | None, lidar3d: bool | None, camera: str | None, image_size: str | None,
+    rate: float | None, exposure: float | None, motion_blur: bool | None, rolling_shutter: float | None,
+    compressed: bool | None, truth: str | None, map_path: str | None, container: str | None, compression: str | None,
+    as_json: bool, verbosity: int,
 ) -> int:  # fmt: skip
     """Simulate a robot in WORLD and write its recording, with ground truth, to OUT.
 
@@ -68,17 +84,17 @@ def command(
     slamcli generate warehouse hall.bag --duration 300 --people 4 --imu --seed 7
     slamcli generate map.yaml drive.mcap --set laser.range_max=4 --set laser.fov=240
     slamcli generate office slip.bag --set slip.count=3 --set clock.laser_offset=0.1
+    slamcli generate visual_room room.mcap --camera rgbd-inertial --duration 20 --truth room.truth.tum
     """  # noqa: D301 - click needs the backspace itself
     from slamcli.pipelines.generate import generate
     from slamcli.runtime import RunLog
 
-    settings = _settings(assignments)
-    if people is not None:
-        settings["people.count"] = people
-    if imu is not None:
-        settings["imu.enabled"] = imu
-    if lidar3d is not None:
-        settings["lidar3d.enabled"] = lidar3d
+    short = {
+        "people.count": people, "imu.enabled": imu, "lidar3d.enabled": lidar3d, "camera.rate": rate,
+        "camera.exposure": exposure, "camera.motion_blur": motion_blur, "camera.readout": rolling_shutter,
+        "camera.compressed": compressed, **_camera(camera, image_size),
+    }  # fmt: skip
+    settings = _settings(assignments) | {key: value for key, value in short.items() if value is not None}
     with Console(verbosity) as console:
         log = RunLog(console)
         made = generate(
@@ -91,9 +107,11 @@ def command(
     else:
         written = [str(p) for p in (made.path, made.truth, made.map) if p is not None]
         told = [f"{made.messages[topic]} {what}" for topic, what in _SENSORS.items() if topic in made.messages]
+        images = sum(count for topic, count in made.messages.items() if "/image_" in topic)
+        told += [f"{images} images"] if images else []
         console.say(
             f"{made.world}: {made.duration_s:.1f} s, {made.length_m:.1f} m, {', '.join(told)}, seed "
-            f"{made.seed} -> {', '.join(written)} ({made.speed:.0f} x real time)"
+            f"{made.seed} -> {', '.join(written)} ({made.speed:.2g} x real time)"
         )
     return 0
 
@@ -123,6 +141,20 @@ def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
         if not equals or not key.strip():
             raise UsageError(f"--set {assignment}: write it as KEY=VALUE, for example --set laser.range_max=8")
         settings[key.strip()] = value.strip()
+    return settings
+
+
+def _camera(kind: str | None, image_size: str | None) -> dict[str, Any]:
+    settings: dict[str, Any] = {}
+    if kind is not None:
+        settings["camera.kind"] = kind.partition("-")[0]
+        if kind.endswith("-inertial"):
+            settings["imu.enabled"] = True
+    if image_size is not None:
+        width, _, height = image_size.lower().partition("x")
+        if not (width.isdecimal() and height.isdecimal()):
+            raise UsageError(f"--image-size {image_size}: write it as WIDTHxHEIGHT, for example 640x480")
+        settings |= {"camera.width": int(width), "camera.height": int(height)}
     return settings
 
 

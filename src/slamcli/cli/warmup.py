@@ -40,16 +40,21 @@ ROOMS = (
     "registration.voxel_filter",
     "simulation.drive",
     "simulation.raycast",
+    "simulation.render",
     "simulation.space",
+    "simulation.texture",
     "trajectory.attitude",
     "vision.bundle_adjustment",
     "vision.keyframe_database",
+    "vision.matching",
     "vision.orb",
     "vision.vocabulary",
     "vision.vocabulary_training",
     "vision.pnp",
     "vision.pose_optimisation",
+    "vision.similarity_ransac",
     "vision.triangulation",
+    "vision.two_view",
 )
 
 

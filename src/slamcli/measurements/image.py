@@ -15,14 +15,15 @@ from slamcli.errors import DataError
 class Image:
     """Decoded pixels: uint8 (H, W) grey, uint8 (H, W, 3) in the order of `encoding` (rgb8 or bgr8), or depth.
 
-    Depth is float32 (H, W) in metres with encoding "depth"; 0 and NaN mean "no depth".
+    Depth is float32 (H, W) in metres with encoding "depth"; 0 and NaN mean "no depth". What is to be written as whole
+    millimetres (16UC1) is uint16; nothing that is read is.
     """
 
     stamp_ns: int
     frame_id: str
     encoding: str
     """mono8, rgb8, bgr8 or depth."""
-    pixels: NDArray[np.uint8] | NDArray[np.float32]
+    pixels: NDArray[np.uint8] | NDArray[np.float32] | NDArray[np.uint16]
     topic: str = ""
 
     def __post_init__(self) -> None:

@@ -22,7 +22,7 @@ from slamcli.recordings import RecordingWriter, create_recording
 from slamcli.runtime import RunLog
 from slamcli.simulation import Message, Simulation, World, is_world_file, load_world, resolve_settings
 from slamcli.simulation.builtin import find_world
-from slamcli.simulation.simulate import BASE_FRAME, MAP_FRAME, ODOM_FRAME, STATIC_TOPIC
+from slamcli.simulation.simulate import MAP_FRAME, ODOM_FRAME, STATIC_TOPIC
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +149,7 @@ def _run_record(made: Generated, world: Path, changed: Mapping[str, Any], log: R
         jobs=1,
         inputs=describe_inputs([world]),
         topics=made.messages,
-        frames={"map": MAP_FRAME, "odom": ODOM_FRAME, "base": BASE_FRAME},
+        frames={"map": MAP_FRAME, "odom": ODOM_FRAME, "base": made.settings["robot.base_frame"]},
         log=log,
         total_s=made.seconds,
         duration_s=made.duration_s,
@@ -198,7 +198,7 @@ def _write(recording: RecordingWriter, simulation: Simulation, log: RunLog) -> C
         counts[STATIC_TOPIC] += 1
     began = statics[0].stamp_ns
     while first is not None:
-        recording.write(first.topic, first.measurement, log_time_ns=first.log_time_ns)
+        recording.write(first.topic, first.measurement, log_time_ns=first.log_time_ns, msgtype=first.msgtype)
         counts[first.topic] += 1
         if counts[first.topic] % 64 == 0:
             log.progress.update((first.log_time_ns - began) / 1e9)

@@ -60,6 +60,11 @@ class Ride:
         pull = (after[0] - 2.0 * here[0] + before[0]) / TICK_S**2
         return axis / 2 * growth[:, None] / (2 * TICK_S), (pull[:, None] @ here[1])[:, 0]
 
+    def twists(self, times_s: Array) -> tuple[Array, Array]:
+        """Return linear and angular velocity (N, 3) as of a vehicle: along its nose, and about the vertical."""
+        speeds, zeros = self.motion.speeds_at(times_s), np.zeros((len(times_s), 2))
+        return np.column_stack([speeds[:, 0], zeros]), np.column_stack([zeros, speeds[:, 1]])
+
     def stretch(self, times_s: Array) -> Array:
         """Return, for each step between `times_s` (N,), how much longer its way in space is than on the plan, (N - 1,)."""
         steps = np.diff(self.at(times_s)[0], axis=0)

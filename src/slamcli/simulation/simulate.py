@@ -6,7 +6,7 @@ from __future__ import annotations
 import heapq
 import zlib
 from collections.abc import Iterator
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 from slamcli.errors import ConfigError, UsageError
 from slamcli.geometry import quaternion
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import FrameTransform, ImuSample, Measurement, Odometry
+from slamcli.measurements import FrameTransform, ImuSample, Odometry
 from slamcli.simulation import drive as driving
 from slamcli.simulation import free_space, imu, laser, lidar3d, odometry
+from slamcli.simulation.camera import CameraRig
+from slamcli.simulation.flight import Flight
+from slamcli.simulation.message import Message
 from slamcli.simulation.parameters import SimulationParameters
 from slamcli.simulation.people import Crowd
 from slamcli.simulation.relief import flat_relief
+from slamcli.simulation.render import Scene
 from slamcli.simulation.ride import Ride
 from slamcli.simulation.space import Space
 from slamcli.simulation.world import World
@@ -27,16 +31,8 @@ from slamcli.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-MAP_FRAME, ODOM_FRAME, BASE_FRAME = "map", "odom", "base_link"
+MAP_FRAME, ODOM_FRAME = "map", "odom"
 ODOM_TOPIC, TF_TOPIC, STATIC_TOPIC, TRUTH_TOPIC = "/odom", "/tf", "/tf_static", "/ground_truth"
-
-
-class Message(NamedTuple):
-    """One measurement with its topic and the time at which it is logged (true time, when it is complete)."""
-
-    log_time_ns: int
-    topic: str
-    measurement: Measurement
 
 
 class Simulation:
@@ -62,20 +58,24 @@ class Simulation:
             raise UsageError(f"a duration of {duration_s:g} s: give seconds above 0 and below 10 million")
         _check(world, parameters)
         self.world, self.parameters, self._seed = world, parameters, seed
-        self.motion = driving.drive(world, parameters, duration_s, self._stream("drive"))
+        self.ride = self._moved(duration_s)
+        self.motion = self.ride.motion
         count = len(world.walkers) + parameters.people_count
         self.crowd = Crowd(world, self.motion, parameters, [self._stream(f"person {i}") for i in range(count)])
-        self.ride = Ride(self.motion, None if world.relief is None else world.relief.ground)
         self._space: Space | None = None
         if world.relief is not None or parameters.lidar3d_enabled:
             self._space = Space(world.relief or flat_relief(world.segments, world.circles, world.bounds))
+        self._rig: CameraRig | None = None
+        if parameters.camera_kind != "none":
+            self._rig = CameraRig(lambda: self._scene, self.ride, parameters, seed, self._stamp_ns)
         self.slips_s = odometry.slip_episodes(self.motion, parameters, self._stream("slip"))
         self.scan_times_s, self.cloud_times_s = np.zeros(0), np.zeros(0)
         if parameters.laser_enabled:
             self.scan_times_s = self._times(parameters.laser_rate, self._scanner().sweep_s)
         if parameters.lidar3d_enabled:
             self.cloud_times_s = self._times(parameters.lidar3d_rate, 1.0 / parameters.lidar3d_rate)
-        if not len(self.scan_times_s) and not len(self.cloud_times_s):
+        self.frame_times_s = np.zeros(0) if self._rig is None else self._times(parameters.camera_rate)
+        if not any(len(t) for t in (self.scan_times_s, self.cloud_times_s, self.frame_times_s)):
             raise UsageError(
                 f"no scan fits into {self.motion.duration_s:g} s: give a longer duration or a higher laser.rate"
             )
@@ -87,25 +87,50 @@ class Simulation:
         return self.motion.duration_s
 
     def messages(self) -> Iterator[Message]:
-        """Yield every measurement in the order of log times: /tf_static, /scan, /odom, /tf, /ground_truth, /imu, /points."""
-        streams = [self._statics(), self._scans(), self._wheels(), self._truth()]
+        """Yield every measurement in the order of log times: /tf_static, /scan, /odom, /tf, /ground_truth, /imu, /points, images."""
+        streams = [self._statics(), self._scans(), self._truth()]
+        if self.parameters.odometry_enabled:
+            streams.insert(2, self._wheels())
         if self.parameters.imu_enabled:
             streams.append(self._inertial())
         if self.parameters.lidar3d_enabled:
             streams.append(self._clouds())
+        if self._rig is not None:
+            late_ns = max(round(self.parameters.depth_delay * 1e9), 0)
+            streams.append(_in_order(self._rig.messages(self.frame_times_s), late_ns))
         yield from heapq.merge(*streams, key=lambda message: message.log_time_ns)
 
     def truth(self) -> Trajectory:
-        """Return where base_link truly was when each scan (without a planar scanner: cloud) began, under its stamp."""
-        times = self.scan_times_s if self.parameters.laser_enabled else self.cloud_times_s
+        """Return where the base frame truly was at each scan (without a planar scanner: cloud, else image), under its stamp.
+
+        Scans and clouds count from their beginning, images have the middle of their exposure.
+        """
+        p = self.parameters
+        times = self.scan_times_s if p.laser_enabled else self.cloud_times_s
+        stamps = self._scan_stamps_ns(times)
+        if not len(times):
+            times = self.frame_times_s
+            stamps = self._stamps_ns(times, p.clock_camera_offset)
         positions, rotations = self.ride.at(times)
-        return Trajectory(
-            self._scan_stamps_ns(times), positions, quaternion.from_matrix(rotations), MAP_FRAME, BASE_FRAME
-        )
+        return Trajectory(stamps, positions, quaternion.from_matrix(rotations), MAP_FRAME, p.robot_base_frame)
 
     def true_map(self) -> OccupancyGrid:
         """Return the map that a perfect survey of the world would give (cells of `map.resolution`)."""
         return free_space.true_map(self.world, self.motion.poses[0, :2], self.parameters.map_resolution)
+
+    @cached_property
+    def _scene(self) -> Scene:
+        p = self.parameters
+        relief = self.world.relief or flat_relief(self.world.segments, self.world.circles, self.world.bounds)
+        is_grey = self._rig is not None and not self._rig.is_coloured
+        return Scene(relief, seed=p.texture_seed, texel_m=p.texture_texel, plain_share=p.texture_plain, grey=is_grey)
+
+    def _moved(self, duration_s: float | None) -> Ride:
+        world, p = self.world, self.parameters
+        if world.path is not None:
+            return Flight(world.path, p, duration_s, self._stream("flight"))
+        motion = driving.drive(world, p, duration_s, self._stream("drive"))
+        return Ride(motion, None if world.relief is None else world.relief.ground)
 
     def _stream(self, name: str) -> np.random.Generator:
         return np.random.default_rng([self._seed, zlib.crc32(name.encode())])
@@ -117,6 +142,9 @@ class Simulation:
     def _stamps_ns(self, times_s: Array, offset_s: float = 0.0) -> NDArray[np.int64]:
         start_ns = round(self.parameters.clock_start * 1e9)
         return start_ns + np.rint((times_s + offset_s) * 1e9).astype(np.int64)
+
+    def _stamp_ns(self, time_s: float) -> int:
+        return int(self._stamps_ns(np.array([time_s]))[0])
 
     def _jittered_ns(self, times_s: Array, offset_s: float, jitter_s: float, name: str) -> NDArray[np.int64]:
         jitter = jitter_s * self._stream(name).standard_normal(len(times_s))
@@ -141,10 +169,12 @@ class Simulation:
         if self.parameters.imu_enabled:
             p = self.parameters
             mounts.append((imu.FRAME, np.array([p.imu_x, p.imu_y, p.imu_z]), np.array([0.0, 0.0, 0.0, 1.0])))
-        stamp = int(self._stamps_ns(np.zeros(1))[0])
+        if self._rig is not None:
+            mounts += [(c.frame, c.position, quaternion.from_matrix(c.rotation)) for c in self._rig.cameras]
+        stamp = self._stamp_ns(0.0)
         for frame, position, quat in mounts:
             transform = FrameTransform(
-                stamp_ns=stamp, parent_frame_id=BASE_FRAME, child_frame_id=frame, position_m=position, quat_xyzw=quat,
+                stamp_ns=stamp, parent_frame_id=self.parameters.robot_base_frame, child_frame_id=frame, position_m=position, quat_xyzw=quat,
                 static=True, topic=STATIC_TOPIC,
             )  # fmt: skip
             yield Message(stamp, STATIC_TOPIC, transform)
@@ -168,12 +198,15 @@ class Simulation:
         told = np.diff(poses, axis=0, prepend=poses[:1]) * p.odometry_rate
         speeds = np.column_stack([np.cos(poses[:, 2]) * told[:, 0] + np.sin(poses[:, 2]) * told[:, 1], told[:, 2]])
         level = np.column_stack([poses[:, :2], np.zeros(len(poses))]), quaternion.from_yaw(poses[:, 2])
-        for message in _odometry(ODOM_TOPIC, ODOM_FRAME, stamps, self._stamps_ns(times), *level, speeds):
+        linear = np.column_stack([speeds[:, 0], np.zeros((len(speeds), 2))])
+        angular = np.column_stack([np.zeros((len(speeds), 2)), speeds[:, 1]])
+        logs, frames = self._stamps_ns(times), (ODOM_FRAME, p.robot_base_frame)
+        for message in _odometry(ODOM_TOPIC, frames, stamps, logs, *level, linear, angular):
             yield message
             pose = message.measurement
             assert isinstance(pose, Odometry)  # noqa: S101 - for the type checker
             transform = FrameTransform(
-                stamp_ns=pose.stamp_ns, parent_frame_id=ODOM_FRAME, child_frame_id=BASE_FRAME,
+                stamp_ns=pose.stamp_ns, parent_frame_id=ODOM_FRAME, child_frame_id=p.robot_base_frame,
                 position_m=pose.position_m, quat_xyzw=pose.quat_xyzw, topic=TF_TOPIC,
             )  # fmt: skip
             yield Message(message.log_time_ns, TF_TOPIC, transform)
@@ -183,7 +216,8 @@ class Simulation:
         stamps = self._stamps_ns(times)
         positions, rotations = self.ride.at(times)
         quats = quaternion.from_matrix(rotations)
-        yield from _odometry(TRUTH_TOPIC, MAP_FRAME, stamps, stamps, positions, quats, self.motion.speeds_at(times))
+        frames = MAP_FRAME, self.parameters.robot_base_frame
+        yield from _odometry(TRUTH_TOPIC, frames, stamps, stamps, positions, quats, *self.ride.twists(times))
 
     def _inertial(self) -> Iterator[Message]:
         times = self._times(self.parameters.imu_rate)
@@ -195,16 +229,25 @@ class Simulation:
             yield Message(stamp, imu.TOPIC, sample)
 
 
+def _in_order(messages: Iterator[Message], late_ns: int) -> Iterator[Message]:
+    """Yield messages by log time, of which some are logged up to `late_ns` after what follows them."""
+    waiting: list[tuple[int, int, Message]] = []
+    for number, message in enumerate(messages):
+        heapq.heappush(waiting, (message.log_time_ns, number, message))
+        while len(waiting) > 1 and waiting[0][0] <= message.log_time_ns - late_ns:
+            yield heapq.heappop(waiting)[2]
+    while waiting:
+        yield heapq.heappop(waiting)[2]
+
+
 def _odometry(
-    topic: str, frame: str, stamps_ns: NDArray[np.int64], logs_ns: NDArray[np.int64], positions: Array, quats: Array,
-    speeds: Array,
+    topic: str, frames: tuple[str, str], stamps_ns: NDArray[np.int64], logs_ns: NDArray[np.int64], positions: Array,
+    quats: Array, linear: Array, angular: Array,
 ) -> Iterator[Message]:  # fmt: skip
-    linear = np.column_stack([speeds[:, 0], np.zeros((len(speeds), 2))])
-    angular = np.column_stack([np.zeros((len(speeds), 2)), speeds[:, 1]])
     rows = zip(stamps_ns.tolist(), logs_ns.tolist(), positions, quats, linear, angular, strict=True)
     for stamp, log, position, quat, v, w in rows:
         told = Odometry(
-            stamp_ns=stamp, frame_id=frame, child_frame_id=BASE_FRAME, position_m=position, quat_xyzw=quat,
+            stamp_ns=stamp, frame_id=frames[0], child_frame_id=frames[1], position_m=position, quat_xyzw=quat,
             linear_m_s=v, angular_rad_s=w, topic=topic,
         )  # fmt: skip
         yield Message(log, topic, told)
@@ -218,7 +261,10 @@ def _check(world: World, parameters: SimulationParameters) -> None:
     ):
         if low >= high:
             raise UsageError(f"{name}.range_min {low:g} m is not below {name}.range_max {high:g} m")
-    if not p.laser_enabled and not p.lidar3d_enabled:
-        raise UsageError("a robot without sensors: laser.enabled or lidar3d.enabled must be true")
-    if world.grid is not None and (world.relief is not None or p.lidar3d_enabled):
-        raise ConfigError(f"world {world.name}: the cells of a grid have no heights: a spinning scanner needs walls")
+    if not p.laser_enabled and not p.lidar3d_enabled and p.camera_kind == "none":
+        raise UsageError("a robot without sensors: laser.enabled, lidar3d.enabled or --camera must be there")
+    in_space = p.lidar3d_enabled or p.camera_kind != "none"
+    if world.grid is not None and (world.relief is not None or in_space):
+        raise ConfigError(
+            f"world {world.name}: the cells of a grid have no heights: cameras and spinning scanners need walls"
+        )

@@ -28,6 +28,18 @@ class Walker:
     speed_m_s: float = 0.9
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CarriedPath:
+    """Poses that a carried rig passes, in order."""
+
+    poses: NDArray[np.float64]
+    """float64 (N, 6), x, y, z (metres, map frame), roll, pitch (nose down), yaw (radians, not wrapped); N >= 3."""
+    closed: bool = False
+    """Whether the last is followed by the first."""
+    rounds: float = 1.0
+    """How often a closed path is passed."""
+
+
 @dataclass(frozen=True, eq=False)
 class World:
     """Walls as segments, circles and cells of a grid (any may be empty), the robot's start and its way.
@@ -49,6 +61,8 @@ class World:
     rounds: int = 1
     """How often the waypoints are driven through."""
     walkers: tuple[Walker, ...] = ()
+    path: CarriedPath | None = None
+    """Where a carried rig flies, instead of a robot that drives."""
     relief: Relief | None = None
     """What stands how high on which ground; None: a level floor with walls of 2.5 m."""
     settings: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
@@ -68,6 +82,7 @@ class World:
         points = [self.segments[:, :2], self.segments[:, 2:], self.waypoints]
         points += [self.circles[:, :2] - self.circles[:, 2:], self.circles[:, :2] + self.circles[:, 2:]]
         points += [np.array([self.start[:2]])] if self.start else []
+        points += [self.path.poses[:, :2]] if self.path else []
         if self.grid is not None:
             h, w = self.grid.height, self.grid.width
             points.append(self.grid.cell_to_map(np.array([[0, 0], [0, w], [h, 0], [h, w]]) - 0.5))

@@ -23,7 +23,7 @@ from slamcli.simulation import shapes
 from slamcli.simulation.file_values import MAX_ENTRIES, FileValues, is_huge, shown
 from slamcli.simulation.parameters import SimulationParameters, resolve_settings
 from slamcli.simulation.relief_file import Doorway, Plan, ReliefReader, Thing
-from slamcli.simulation.world import Walker, World
+from slamcli.simulation.world import CarriedPath, Walker, World
 
 ReadGrid = Callable[[Path], OccupancyGrid]
 
@@ -31,7 +31,7 @@ _MAX_BYTES = 4_000_000
 _OVERHEAD_M = 1.5  # what begins higher above the ground is in nobody's way
 _SECTIONS = tuple(dict.fromkeys(d.name.split(".")[0] for d in declarations(SimulationParameters)))
 _KEYS = (
-    "name", "description", "walls", "rooms", "doors", "boxes", "circles", "grid", "relief", "start", "route", "walkers",
+    "name", "description", "walls", "rooms", "doors", "boxes", "circles", "grid", "relief", "start", "route", "path", "walkers",
 )  # fmt: skip
 _IN_SPACE = ("height", "above", "reflectivity")
 
@@ -105,12 +105,30 @@ class _Reader(FileValues):
             if "waypoints" in route
             else np.zeros((0, 2)),
             rounds=int(self.number(route.get("rounds", 1), "route.rounds", 1, 1000)),
+            path=self.path_in_space(document["path"]) if "path" in document else None,
             walkers=tuple(self.walker(w, f"walkers[{i}]") for i, w in enumerate(self.items(document, "walkers"))),
             settings=self.settings(document),
         )
         if "relief" not in document:
             return world
         return dataclasses.replace(world, relief=ReliefReader(self.path).relief(document["relief"], plan, world))
+
+    def path_in_space(self, value: Any) -> CarriedPath:
+        path = self.mapping(value, "path", ("poses", "closed", "rounds"), ("poses",))
+        rows = []
+        for i, row in enumerate(self.items(path, "poses")):
+            size = len(row) if isinstance(row, list) and len(row) in (4, 5, 6) else 4
+            x, y, z, yaw, *rest = self.numbers(
+                row, f"path.poses[{i}]", size, "[x, y, z, yaw] and perhaps pitch and roll"
+            )
+            pitch, roll = [*rest, 0.0, 0.0][:2]
+            rows.append([x, y, z, *np.radians([roll, pitch, yaw])])
+        if len(rows) < 3:
+            self.fail("path.poses", f"{len(rows)} poses are too few: give at least 3")
+        closed = path.get("closed", False)
+        if not isinstance(closed, bool):
+            self.fail("path.closed", f"{shown(closed)} is neither true nor false")
+        return CarriedPath(np.array(rows), closed, self.number(path.get("rounds", 1), "path.rounds", 0.01, 1000))
 
     def plan(self, document: Mapping[str, Any]) -> Plan:
         walls: list[NDArray[np.float64]] = []

@@ -100,11 +100,12 @@ def _descend(
     """Return the state at the end, the costs before and after, the steps tried, and whether it converged."""
     damping, growth, before, cost = START, 4.0, -1.0, 0.0
     for iteration in range(iterations):
-        blocks, gradient, cost = system.linearise(state, damping, robust)
+        reduced = system.linearise(state, damping, robust)
+        cost = reduced.cost
         before = cost if before < 0 else before
-        if system.system.factorise(blocks):
-            steps = system.system.solve(-gradient)
-            moved, other = system.move(state, steps, robust)
+        steps = system.solve(reduced, damping)
+        if steps is not None:
+            moved, other = system.step(state, steps, robust)
             if other <= cost:
                 settled = cost - other <= tolerance * cost
                 state, cost = moved, other

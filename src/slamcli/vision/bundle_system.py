@@ -29,6 +29,20 @@ class BundleState:
     """float64 (P, 3)."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReducedSystem:
+    """Normal equations of F cameras, by rank, without damping of their own."""
+
+    blocks: Floats
+    """float64 (B, 6, 6), as `CameraSystem` stores them."""
+    diagonal: Floats
+    """float64 (F, 6), of the cameras' own blocks, before points were eliminated: what Marquardt's damping scales with."""
+    gradient: Floats
+    """float64 (F, 6)."""
+    cost: float
+    """Half the sum of the losses."""
+
+
 class BundleSystem:
     """Normal equations of a problem (Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, 6.1)."""
 
@@ -65,10 +79,10 @@ class BundleSystem:
         self._hessians, self._gradients = np.empty((RANGES, size, 6, 6)), np.empty((RANGES, size, 6))
         self._blocks, self._reduced = np.empty((RANGES, blocks, 6, 6)), np.empty((RANGES, size, 6))
 
-    def linearise(self, state: BundleState, damping: float, robust: bool) -> tuple[Floats, Floats, float]:
-        """Return the reduced blocks (B, 6, 6), damped, the gradient (F, 6) by rank, and the cost at a state.
+    def linearise(self, state: BundleState, damping: float, robust: bool) -> ReducedSystem:
+        """Return the normal equations of the cameras at a state, with the points eliminated.
 
-        `damping` multiplies the diagonals of the points' and of the cameras' blocks (Marquardt's scaling).
+        `damping` multiplies the diagonals of the points' blocks (Marquardt's scaling) before they are eliminated.
         """
         for sums in (self._hessians, self._gradients, self._blocks, self._reduced):
             sums[:] = 0.0
@@ -83,30 +97,41 @@ class BundleSystem:
 
         self._each(part)
         blocks, own = _added(self._blocks), _added(self._hessians)
-        diagonal = np.einsum("fii->fi", own)
-        diagonal += damping * np.maximum(diagonal, 1e-9 * diagonal.max(axis=1, initial=0.0, keepdims=True))
-        diagonal += np.where(diagonal > 0, 0.0, 1.0)  # a camera that sees nothing stays
         blocks[self.system.diagonal_slots] += own
-        return blocks, _added(self._reduced) + _added(self._gradients), float(self._costs.sum())
+        return ReducedSystem(
+            blocks=blocks, diagonal=np.einsum("fii->fi", own).copy(), cost=float(self._costs.sum()),
+            gradient=_added(self._reduced) + _added(self._gradients),
+        )  # fmt: skip
 
-    def move(self, state: BundleState, steps: Floats, robust: bool) -> tuple[BundleState, float]:
-        """Return the state after the cameras' steps (F, 6), by rank, and those of the points that follow, and its cost.
+    def solve(self, reduced: ReducedSystem, damping: float) -> Floats | None:
+        """Return the cameras' steps (F, 6), by rank, with `damping` times their diagonals added; None if not definite."""
+        blocks, diagonal = reduced.blocks.copy(), reduced.diagonal
+        added = damping * np.maximum(diagonal, 1e-9 * diagonal.max(axis=1, initial=0.0, keepdims=True))
+        added += np.where(diagonal + added > 0, 0.0, 1.0)  # a camera that sees nothing stays
+        blocks[self.system.diagonal_slots[:, None], np.arange(6), np.arange(6)] += added
+        return self.system.solve(-reduced.gradient) if self.system.factorise(blocks) else None
 
-        The points' steps are those of the last linearisation.
-        """
-        poses, points = np.empty_like(state.poses), np.empty_like(state.points)
+    def step(self, state: BundleState, steps: Floats, robust: bool) -> tuple[BundleState, float]:
+        """Return the state after the cameras' steps (F, 6), by rank, and those of the points that follow, and its cost."""
+        poses = np.empty_like(state.poses)
         kernels.move_cameras(state.poses, self.camera_ranks, steps, poses)
+        points, cost = self.follow(poses, state.points, steps, robust)
+        return BundleState(poses=poses, points=points), cost
+
+    def follow(self, poses: Floats, points: Floats, steps: Floats, robust: bool) -> tuple[Floats, float]:
+        """Return where the points (P, 3) of the last linearisation go with the cameras' steps, and the cost at `poses`."""
+        moved = np.empty_like(points)
         totals = np.zeros(RANGES)
 
         def part(r: int) -> None:
             totals[r] = kernels.move_points(
                 self._ranges[r], self._ranges[r + 1], self._starts, self._free_ends, self._cameras, self._ranks,
-                self._measured, self._weights, poses, state.points, self.camera, robust, self._couplings, self._factors,
-                self._costs, steps, points,
+                self._measured, self._weights, poses, points, self.camera, robust, self._couplings, self._factors,
+                self._costs, steps, moved,
             )  # fmt: skip
 
         self._each(part)
-        return BundleState(poses=poses, points=points), float(_added(totals))
+        return moved, float(_added(totals))
 
     def _each(self, part: Callable[[int], None]) -> None:
         """Do all ranges, side by side where there are threads."""

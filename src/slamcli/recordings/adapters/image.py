@@ -107,8 +107,10 @@ def _to_8_bit(pixels: NDArray[Any], meaning: str) -> tuple[str, NDArray[np.uint8
 
 
 def _encode(image: Image, messages: MessageFactory) -> Any:
-    encoding = "32FC1" if image.encoding == "depth" else image.encoding
     pixels = np.ascontiguousarray(image.pixels)
+    encoding = image.encoding
+    if encoding == "depth":
+        encoding = "16UC1" if pixels.dtype == np.uint16 else "32FC1"
     return messages.make(
         "sensor_msgs/msg/Image",
         messages.header(image.stamp_ns, image.frame_id),
