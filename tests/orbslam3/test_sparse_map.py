@@ -40,8 +40,9 @@ def test_shared_points_are_counted_as_by_hand(rng):
     marked = rng.random(12) < 0.5
     counts = kernels.count_shared(seen, 5, marked)
     assert counts.tolist() == [sum(p >= 0 and marked[p] for p in row) for row in seen[:5].tolist()]
-    observed = kernels.count_observations(seen, 5, 12)
-    assert observed.tolist() == [int((seen[:5] == p).sum()) for p in range(12)]
+    right = np.where(rng.random((6, 9)) < 0.5, np.nan, 3.0)
+    observed = kernels.count_observations(seen, right, 5, 12)
+    assert observed.tolist() == [int(((seen[:5] == p) * np.where(np.isnan(right[:5]), 1, 2)).sum()) for p in range(12)]
     chosen = kernels.mark_seen(seen, np.array([1, 4]), 12)
     assert np.flatnonzero(chosen).tolist() == sorted({p for k in (1, 4) for p in seen[k].tolist()} - {-1})
 

@@ -39,14 +39,14 @@ def mark_seen(seen, keyframes, num_points):
 
 
 @njit(cache=True, nogil=True)
-def count_observations(seen, num_keyframes, num_points):
-    """Return int64 (P,): by how many keyframes each point is seen."""
+def count_observations(seen, right, num_keyframes, num_points):
+    """Return int64 (P,): how often each point is seen, twice where a right column (K, F) tells its depth (NaN: it does not)."""
     counts = np.zeros(num_points, np.int64)
     for k in range(num_keyframes):
         for i in range(seen.shape[1]):
             p = seen[k, i]
             if p >= 0:
-                counts[p] += 1
+                counts[p] += 1 if math.isnan(right[k, i]) else 2
     return counts
 
 

@@ -31,7 +31,7 @@ class MappingSettings:
     culling: float = 0.9
     """A keyframe whose points are seen by three others to this share is redundant."""
     least_observations: int = 3
-    """Keyframes that must see a point soon after it was made; 2 for a camera without depth."""
+    """How often a point must be seen soon after it was made, more than: with depth counts twice; 2 for a camera without depth."""
 
 
 class LocalMapping:
@@ -74,7 +74,7 @@ class LocalMapping:
         seen = sparse_map.count_observations()[recent]
         age = keyframe - sparse_map.first_keyframe[recent]
         rare = sparse_map.found[recent] < _LEAST_FOUND * sparse_map.visible[recent]
-        lonely = (age >= 2) & (seen < self._settings.least_observations)
+        lonely = (age >= 2) & (seen <= self._settings.least_observations)
         gone = rare | lonely
         sparse_map.remove_points(recent[gone])
         self._counts["points culled"] += int(gone.sum())

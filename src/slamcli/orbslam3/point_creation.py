@@ -58,7 +58,6 @@ def _between(sparse_map: SparseMap, a: int, b: int, colours: NDArray[np.uint8] |
     nodes_a, nodes_b = nodes_of(sparse_map, a), nodes_of(sparse_map, b)
     matched = match_epipolar(
         sparse_map.features(a), seen_a < 0, nodes_a, sparse_map.features(b), seen_b < 0, nodes_b, T_b_a, sparse_map.camera,
-        grid_b=sparse_map.grids[b],
     )  # fmt: skip
     at_a = np.flatnonzero(matched >= 0)
     if not len(at_a):

@@ -245,8 +245,8 @@ class SparseMap:
         return ids
 
     def count_observations(self) -> Ids:
-        """Return (P,): by how many keyframes each point is seen."""
-        return kernels.count_observations(self.seen, self.num_keyframes, self.num_points)
+        """Return (P,): how often each point is seen; an observation with depth counts twice (ORB-SLAM2, stereo)."""
+        return kernels.count_observations(self.seen, self.right, self.num_keyframes, self.num_points)
 
     def observations(self, ids: Ids) -> tuple[Ids, Ids, Ids]:
         """Return who sees points `ids` (R,): offsets (R + 1,), keyframes (M,), features (M,)."""
