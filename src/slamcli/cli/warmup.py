@@ -28,6 +28,7 @@ ROOMS = (
     "posegraph.drift",
     "posegraph.imu_integration",
     "posegraph.imu_preintegration",
+    "posegraph.inertial_links",
     "posegraph.planar_covariances",
     "posegraph.spatial",
     "registration.branch_and_bound",

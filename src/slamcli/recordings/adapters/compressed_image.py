@@ -28,7 +28,7 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Image]
     if "compresseddepth" in message.format.lower() or context.topic.endswith("/compressedDepth"):
         encoding, pixels = "depth", _depth(message.format, data, context)
     else:
-        encoding, pixels = _camera(uncompress(data), context)
+        encoding, pixels = _camera(message.format, uncompress(data), context)
     image = Image(
         stamp_ns=stamp_ns,
         frame_id=context.frame(message.header.frame_id),
@@ -39,9 +39,12 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Image]
     return (image,)
 
 
-def _camera(raw: NDArray[Any], context: DecodeContext) -> tuple[str, NDArray[Any]]:
-    """Return encoding and pixels of an uncompressed image: OpenCV's order is blue, green, red."""
-    if raw.ndim == 2 and raw.dtype == np.uint16:
+def _camera(format: str, raw: NDArray[Any], context: DecodeContext) -> tuple[str, NDArray[Any]]:
+    """Return encoding and pixels of an uncompressed image: OpenCV's order is blue, green, red.
+
+    Grey of 16 bit is depth unless the format says mono16, as compressed_image_transport does for a camera's.
+    """
+    if raw.ndim == 2 and raw.dtype == np.uint16 and not format.startswith("mono16"):
         return "depth", to_metres(raw, context)
     if raw.dtype == np.uint16:
         raw = (raw >> 8).astype(np.uint8)
@@ -94,6 +97,16 @@ def uncompress(data: bytes) -> NDArray[Any]:
     if raw is None:
         raise DataError(f"compressed image of {len(data)} bytes is no image, or damaged")
     return np.asarray(raw)
+
+
+def image_format(data: bytes, suffix: str) -> str:
+    """Return what CompressedImage calls the format of a camera's image file: ``jpeg``, ``png``, or mono16 said aloud."""
+    if data.startswith(_JPEG_MAGIC):
+        return "jpeg"
+    if not data.startswith(_PNG_MAGIC):
+        return suffix.lower().lstrip(".")
+    # The header chunk: width and height (4 bytes each) from byte 16, bit depth, colour type (0 is grey).
+    return "mono16; png compressed " if data[24:26] == b"\x10\x00" else "png"
 
 
 def is_whole(data: bytes) -> bool:

@@ -33,6 +33,9 @@ def missing(evidence: Evidence) -> Iterator[Finding]:
     base = next((frame for frame in _BASE_FRAMES if frame in tree.frames), None)
     if base is None:
         base = next((o.first.child_frame_id for o in evidence.of(Odometry).values() if o.first is not None), "") or None
+    if base is None and evidence.of(Image) and not evidence.of(LaserScan) and not evidence.of(PointCloud):
+        yield from _missing_imu(evidence)
+        return
     for kind, what in ((LaserScan, "scanner"), (PointCloud, "scanner"), (ImuSample, "IMU"), (Image, "camera")):
         for name, found in evidence.of(kind).items():
             frame = getattr(found.first, "frame_id", None)
@@ -53,6 +56,21 @@ def missing(evidence: Evidence) -> Iterator[Finding]:
                 mend=f"{mend} or --laser-pose X,Y,YAW or --urdf FILE"
                 if what == "scanner"
                 else f"{mend} or --urdf FILE",
+            )
+
+
+def _missing_imu(evidence: Evidence) -> Iterator[Finding]:
+    """Find IMUs whose place is unknown where cameras are all there is: these need no robot, but an IMU needs its camera."""
+    cameras = [found.first.frame_id for found in evidence.of(Image).values() if found.first is not None]
+    for name, found in evidence.of(ImuSample).items():
+        frame = getattr(found.first, "frame_id", "")
+        if cameras and not any(camera == frame or evidence.frames.connected(camera, frame) for camera in cameras):
+            yield Finding(
+                severity="warning",
+                topic=name,
+                message=f"no transform from the camera ({cameras[0]}) to the IMU's frame {frame or '(none)'}",
+                stamp_ns=getattr(found.first, "stamp_ns", None),
+                mend=f"--static-tf {cameras[0]},{frame or 'FRAME'},X,Y,Z,YAW,PITCH,ROLL or --urdf FILE",
             )
 
 

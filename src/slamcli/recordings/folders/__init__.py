@@ -8,12 +8,19 @@ from pathlib import Path
 
 from slamcli.errors import RecordingError
 from slamcli.recordings.containers.damage import Damage
-from slamcli.recordings.folders import kitti, seven_scenes, tum
+from slamcli.recordings.folders import euroc, icl_nuim, kitti, seven_scenes, tum, tum_vi
 from slamcli.recordings.folders.layout import TRUTH_TOPIC, Layout, Reading
 from slamcli.recordings.folders.reader import FolderReader
 from slamcli.runtime import RunLog
 
-LAYOUTS: tuple[Layout, ...] = (seven_scenes.LAYOUT, tum.LAYOUT, kitti.LAYOUT)
+LAYOUTS: tuple[Layout, ...] = (
+    seven_scenes.LAYOUT,
+    icl_nuim.LAYOUT,
+    tum.LAYOUT,
+    tum_vi.LAYOUT,
+    euroc.LAYOUT,
+    kitti.LAYOUT,
+)
 """In the order in which they are looked for."""
 
 _BAG_SIGNS = ("metadata.yaml", "*.db3", "*.mcap", "*.db3.zstd", "*.mcap.zstd")

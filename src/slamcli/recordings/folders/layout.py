@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from slamcli.measurements import ImuNoise
 from slamcli.recordings.containers.damage import Damage
 from slamcli.recordings.folders.streams import Stream
 from slamcli.runtime import RunLog
@@ -34,8 +33,6 @@ class DataFolder:
     root: Path
     streams: tuple[Stream, ...]
     size_bytes: int
-    imu_noise: ImuNoise | None = None
-    """As the folder says it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,11 +10,11 @@ from typing import Any, Self
 import numpy as np
 
 from slamcli.errors import RecordingError
-from slamcli.measurements import ImuNoise
 from slamcli.recordings.adapters import message_factory
 from slamcli.recordings.adapters.tf_message import is_static_topic
 from slamcli.recordings.containers.damage import Damage
 from slamcli.recordings.folders.layout import DataFolder
+from slamcli.recordings.imu_noise import NOISE_SUFFIX
 from slamcli.recordings.raw import Contents, RawMessage, Topic
 
 _STEP = 4096
@@ -52,15 +52,10 @@ class FolderReader:
                 msgtype=stream.msgtype,
                 count=len(stream.stamps_ns),
                 definition=self._factory.definition(stream.msgtype),
-                latched=is_static_topic(stream.topic),
+                latched=is_static_topic(stream.topic) or stream.topic.endswith(NOISE_SUFFIX),
             )
             for stream in self._streams
         )
-
-    @property
-    def imu_noise(self) -> ImuNoise | None:
-        """Noise of the IMU as the folder says it, None where it does not."""
-        return self._folder.imu_noise
 
     @property
     def contents(self) -> Contents:

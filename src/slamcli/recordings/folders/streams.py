@@ -9,21 +9,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import DataError, RecordingError
-from slamcli.measurements import CameraModel, FrameTransform, ImuSample, StampedPose
+from slamcli.measurements import CameraModel, FrameTransform, ImuNoise, ImuSample, StampedPose
 from slamcli.recordings.adapters import encoder_for, message_factory
-from slamcli.recordings.adapters.compressed_image import is_whole, uncompress
+from slamcli.recordings.adapters.compressed_image import image_format, is_whole, uncompress
 from slamcli.recordings.adapters.tf_message import encode_transforms
+from slamcli.recordings.imu_noise import NOISE_SUFFIX, noise_text
 
 MILLIMETRES_PER_M = 1000.0
 _NO_DEPTH = 65535
 """What several data sets write where the sensor saw nothing; 0 means the same."""
-_JPEG_MAGIC = b"\xff\xd8"
 
 
 class Stream(Protocol):
@@ -63,7 +63,7 @@ class ImageFiles:
         """Return the CompressedImage of one file."""
         messages = message_factory("cdr")
         data = read_image_file(self.paths[index])
-        kind = "jpeg" if data.startswith(_JPEG_MAGIC) else self.paths[index].suffix.lower().lstrip(".")
+        kind = image_format(data, self.paths[index].suffix)
         header = messages.header(int(self.stamps_ns[index]), self.frame_id)
         return messages.make(self.msgtype, header, kind, np.frombuffer(data, dtype=np.uint8))
 
@@ -188,6 +188,26 @@ class FixedFrames:
         return encode_transforms(
             [replace(transform, stamp_ns=stamp_ns) for transform in self.transforms], message_factory("cdr")
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImuNoiseText:
+    """Noise of an IMU, for which ROS has no message: said once, in the words of Kalibr's file of an IMU."""
+
+    topic: str
+    text: str
+    stamps_ns: NDArray[np.int64]
+    """int64 (1,)."""
+    msgtype: ClassVar[str] = "std_msgs/msg/String"
+
+    @classmethod
+    def of(cls, imu_topic: str, noise: ImuNoise, stamps_ns: NDArray[np.int64]) -> Self:
+        """Return the noise of the IMU of a topic."""
+        return cls(topic=imu_topic + NOISE_SUFFIX, text=noise_text(noise), stamps_ns=stamps_ns)
+
+    def message(self, index: int) -> Any:  # noqa: ARG002 (there is one)
+        """Return the String."""
+        return message_factory("cdr").make(self.msgtype, self.text)
 
 
 def read_image_file(path: Path) -> bytes:
