@@ -48,7 +48,9 @@ class MonocularStart:
         if self._first is None:
             self._begin(frame)
             return False
-        matched = match_window(self._first.features, self._around, frame.features, frame.grid, radius=_WINDOW, max_distance=50, ratio=0.9)
+        matched = match_window(
+            self._first.features, self._around, frame.features, frame.grid, radius=_WINDOW, max_distance=50, ratio=0.9
+        )
         at_first = np.flatnonzero(matched >= 0)
         if len(at_first) < _LEAST_MATCHES:
             self._begin(frame)
@@ -57,22 +59,25 @@ class MonocularStart:
         self._around[at_first] = frame.features.pixels[at_frame]
         try:
             start = initialise_two_view(
-                self._first.features.pixels[at_first], frame.features.pixels[at_frame], sparse_map.camera, seed=self._seed + frame.number
+                self._first.features.pixels[at_first],
+                frame.features.pixels[at_frame],
+                sparse_map.camera,
+                seed=self._seed + frame.number,
             )
         except EstimationError:
             return False
         good = np.isfinite(start.points).all(axis=1)
         if good.sum() < _LEAST_POINTS:
             return False
-        self._build(sparse_map, frame, start.T_b_a, start.points[good], at_first[good], at_frame[good])
+        self._build(sparse_map, self._first, frame, start.T_b_a, start.points[good], at_first[good], at_frame[good])
         return True
 
     def _begin(self, frame: Frame) -> None:
         self._first, self._around = frame, frame.features.pixels.copy()
 
-    def _build(self, sparse_map: SparseMap, frame: Frame, T_b_a: Any, points: Any, at_first: Any, at_frame: Any) -> None:
-        first = self._first
-        assert first is not None
+    def _build(
+        self, sparse_map: SparseMap, first: Frame, frame: Frame, T_b_a: Any, points: Any, at_first: Any, at_frame: Any
+    ) -> None:
         scale = 1.0 / float(np.median(points[:, 2]))
         first.T_camera_map = np.eye(4)
         frame.T_camera_map = T_b_a.copy()
