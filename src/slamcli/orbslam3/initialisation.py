@@ -13,11 +13,12 @@ from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.sparse_map import SparseMap
-from slamcli.vision.matching import match_window
+from slamcli.vision.matching import match_brute_force
 from slamcli.vision.two_view import initialise_two_view
 
 _LEAST_FEATURES, _LEAST_MATCHES, _LEAST_POINTS = 100, 100, 50
-_WINDOW = 100
+_MOST_APART = 60
+"""Hamming distance of matches between the first two keyframes: key points of all octaves, anywhere in the image."""
 
 
 def start_with_depth(sparse_map: SparseMap, frame: Frame, close_m: float, least: int, words: Any) -> bool:
@@ -38,7 +39,6 @@ class MonocularStart:
     def __init__(self, seed: int, make_words: Callable[[Frame], Any]) -> None:
         self._seed, self._make_words = seed, make_words
         self._first: Frame | None = None
-        self._around: Any = None
 
     def take(self, sparse_map: SparseMap, frame: Frame) -> bool:
         """Take the next frame; return whether the map has begun. The median depth of the first keyframe is then 1."""
@@ -48,15 +48,15 @@ class MonocularStart:
         if self._first is None:
             self._begin(frame)
             return False
-        matched = match_window(
-            self._first.features, self._around, frame.features, frame.grid, radius=_WINDOW, max_distance=50, ratio=0.9
-        )
+        matched = match_brute_force(
+            self._first.features.descriptors, frame.features.descriptors, max_distance=_MOST_APART, ratio=0.9, mutual=True,
+            angles_a=self._first.features.angles, angles_b=frame.features.angles,
+        )  # fmt: skip
         at_first = np.flatnonzero(matched >= 0)
         if len(at_first) < _LEAST_MATCHES:
             self._begin(frame)
             return False
         at_frame = matched[at_first]
-        self._around[at_first] = frame.features.pixels[at_frame]
         try:
             start = initialise_two_view(
                 self._first.features.pixels[at_first],
@@ -73,7 +73,7 @@ class MonocularStart:
         return True
 
     def _begin(self, frame: Frame) -> None:
-        self._first, self._around = frame, frame.features.pixels.copy()
+        self._first = frame
 
     def _build(
         self, sparse_map: SparseMap, first: Frame, frame: Frame, T_b_a: Any, points: Any, at_first: Any, at_frame: Any
