@@ -47,7 +47,7 @@ class FrameMaker:
     def _features(self, prepared: PreparedFrame) -> Features:
         found = extract_orb(prepared.grey, self._orb)
         if prepared.right is not None:
-            right, depth = match_stereo(found, extract_orb(prepared.right, self._orb), self.camera, self._orb)
+            right, depth = match_stereo(found, extract_orb(prepared.right, self._orb), self.camera)
             return replace(found.features, right=right, depth=depth)
         features = self.preparation.undistorted(found.features)
         return features if prepared.depth is None else with_depth(features, prepared.depth, self.camera)

@@ -16,14 +16,14 @@ from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.vision.matching import match_brute_force
 from slamcli.vision.two_view import initialise_two_view
 
-_LEAST_FEATURES, _LEAST_MATCHES, _LEAST_POINTS = 100, 100, 50
+_LEAST_FEATURES, _LEAST_MATCHES, _LEAST_POINTS, _LEAST_DEEP = 100, 100, 50, 50
 _MOST_APART = 60
 """Hamming distance of matches between the first two keyframes: key points of all octaves, anywhere in the image."""
 
 
 def start_with_depth(sparse_map: SparseMap, frame: Frame, close_m: float, least: int, words: Any) -> bool:
-    """Make the first keyframe of a camera with depth, at the origin; return whether enough features have depth."""
-    if int((frame.features.depth < np.inf).sum()) < least:
+    """Make the first keyframe of a camera with depth, at the origin; return whether it has `least` features, and depth for enough."""
+    if len(frame.features) < least or int((frame.features.depth < np.inf).sum()) < _LEAST_DEEP:
         return False
     frame.T_camera_map = np.eye(4)
     keyframe = sparse_map.add_keyframe(frame, -1, words)

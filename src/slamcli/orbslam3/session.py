@@ -36,7 +36,7 @@ class SessionSettings:
     close_m: float
     farthest_m: float
     least_start: int = 500
-    """Features with depth that the first keyframe needs."""
+    """Features that the first keyframe of a camera with depth needs."""
     seed: int = 0
 
 

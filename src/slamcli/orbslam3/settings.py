@@ -49,6 +49,6 @@ def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pin
         ),
         close_m=close_m,
         farthest_m=farthest_m,
-        least_start=min(500, parameters.extractor.num_features // 2),
+        least_start=min(500, parameters.extractor.num_features // 4),
         seed=seed,
     )
