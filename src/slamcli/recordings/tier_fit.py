@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from slamcli.geometry.frame_tree import FrameTree
@@ -82,7 +82,7 @@ def sensor_topics(surveys: Mapping[str, TopicSurvey], frames: FrameTree) -> Sens
         odometry=odometry[0].name if odometry else "tf" if moving else None,
         colour=tuple(colour),
         depth=tuple(depth),
-        stereo=_stereo_pair(colour),
+        stereo=stereo_pair(colour),
         calibrated={image: info for image in images if (info := camera_info_of(image, infos)) is not None},
     )
 
@@ -113,7 +113,8 @@ def _has_any(found: TopicSurvey) -> bool:
     return (found.topic.count or found.num) > 0
 
 
-def _stereo_pair(images: list[str]) -> tuple[str, str] | None:
+def stereo_pair(images: Sequence[str]) -> tuple[str, str] | None:
+    """Return the first two topics whose names tell left and right."""
     for left in images:
         for a, b in (("left", "right"), ("cam0", "cam1"), ("infra1", "infra2")):
             right = left.replace(a, b)
