@@ -25,6 +25,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "generate": ("generate", "Make a synthetic recording with ground truth."),
     "view": ("view", "Draw a recording, a result or a map."),
     "map-tools": ("map_tools", "Inspect, convert, crop and compare saved maps."),
+    "vocabulary": ("vocabulary", "Train and inspect vocabularies of visual words."),
     "config": ("config", "Show resolved parameters; check native configuration files."),
     "warmup": ("warmup", "Compile all kernels beforehand (for images and CI)."),
 }

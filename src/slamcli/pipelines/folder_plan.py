@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from slamcli.errors import RecordingError
 from slamcli.geometry.frame_tree import FrameTree
 from slamcli.measurements import CameraModel, FrameTransform, Image, ImuSample, Odometry, StampedPose
+from slamcli.recordings.camera_topics import depth_rank, find_model, first_image, stereo_partner
 from slamcli.recordings.folders import TRUTH_TOPIC
 from slamcli.recordings.folders.writing import ExportedCamera, ExportedImu, Target
 from slamcli.recordings.imu_noise import recorded_noise
 from slamcli.recordings.recording import Recording
-from slamcli.recordings.tier_fit import camera_info_of, stereo_pair
 
 _BODY_FRAMES = ("body", "imu0")
+_TRANSPORTS = ("compressed", "compressedDepth", "theora")
 _TRUE = ("truth", "_gt", "/gt", "mocap", "vicon", "optitrack")
 
 
@@ -46,7 +47,8 @@ def plan_folder(recording: Recording, layout: str, target: Target, chosen: Colle
     if not colour:
         raise RecordingError(f"{recording.name}: no images of a camera: nothing to write to a {target.title}")
     names = _ordered(colour, layout, firsts)[: target.max_cameras]
-    depth = [name for name in firsts if name not in colour][: 1 if target.takes_depth else 0]
+    depth = sorted((name for name in firsts if name not in colour), key=lambda n: depth_rank(firsts[n], firsts[names[0]]))
+    depth = depth[: 1 if target.takes_depth else 0]
     imus = [topic.name for topic in recording.topics(ImuSample) if topic.name in chosen and topic.count != 0]
     imus = imus[: 1 if target.takes_imu else 0]
     frames = recording.frames()
@@ -74,11 +76,17 @@ def plan_folder(recording: Recording, layout: str, target: Target, chosen: Colle
 
 
 def _first_images(recording: Recording, chosen: Collection[str]) -> dict[str, Image]:
-    """Return the first image of each topic that holds any, the topics with the most images first."""
+    """Return the first image of each topic that holds any, the topics with the most images first.
+
+    A topic that is another one's compressed twin (image_transport) is left aside.
+    """
     topics = sorted(recording.topics(Image), key=lambda topic: -(topic.count or 0))
+    names = {topic.name for topic in topics if topic.name in chosen and topic.count != 0}
     firsts = {}
     for topic in topics:
-        first = next(iter(recording.measurements([topic])), None) if topic.name in chosen and topic.count != 0 else None
+        base, _, last = topic.name.rpartition("/")
+        is_twin = last in _TRANSPORTS and base in names
+        first = first_image(recording, topic) if topic.name in names and not is_twin else None
         if first is not None:
             firsts[topic.name] = first
     return firsts
@@ -88,9 +96,11 @@ def _ordered(colour: list[str], layout: str, firsts: dict[str, Image]) -> list[s
     """Return the cameras with left ones before their right ones; KITTI takes a pair of grey and a pair of colour."""
     pairs: list[list[str]] = []
     rest = list(colour)
-    while (pair := stereo_pair(rest)) is not None:
-        pairs.append(list(pair))
-        rest = [name for name in rest if name not in pair]
+    for left in colour:
+        right = stereo_partner(left, rest) if left in rest else None
+        if right is not None:
+            pairs.append([left, right])
+            rest = [name for name in rest if name not in (left, right)]
     if layout != "kitti":
         return [*(name for pair in pairs for name in pair), *rest]
     grey = next((pair for pair in pairs if firsts[pair[0]].encoding == "mono8"), [])
@@ -108,9 +118,7 @@ def _folders(names: list[str], layout: str, firsts: dict[str, Image]) -> list[st
 
 
 def _model(recording: Recording, image_topic: str) -> CameraModel | None:
-    infos = [topic.name for topic in recording.topics(CameraModel) if topic.count != 0]
-    info = camera_info_of(image_topic, infos)
-    model: CameraModel | None = None if info is None else next(iter(recording.measurements([info])), None)
+    model = find_model(recording, image_topic)
     if model is None or not model.intrinsics[0, 0] > 0:
         recording.log.warn(f"{image_topic}: no calibration (sensor_msgs/CameraInfo): the folder has none of it")
         return None

@@ -58,7 +58,8 @@ class Preintegration:
     jacobians: Floats
     """float64 (K, 9, 6), derivatives of rotation (vector on the right), velocity and position by the biases."""
     covariances: Floats
-    """float64 (K, 15, 15), of rotation (on the right), velocity, position and change of both biases."""
+    """float64 (K, 15, 15), of rotation (on the right), velocity, position (said minus true) and both biases
+    (first minus second)."""
     gaps_s: Floats
     """float64 (K,), longest time without a sample in or around each interval."""
 

@@ -44,7 +44,7 @@ def train_vocabulary(images: Sequence[NDArray[np.uint8]], settings: TrainingSett
     Raises
     ------
     DataError
-        If there are fewer than two different descriptors.
+        If there are fewer than two different descriptors, or every word occurs in every image.
 
     Notes
     -----
@@ -61,6 +61,10 @@ def train_vocabulary(images: Sequence[NDArray[np.uint8]], settings: TrainingSett
     )  # fmt: skip
     weights = np.zeros(len(num_children))
     weights[tree.num_children == 0] = _inverse_document_frequencies(tree, everything, counts)
+    if not weights.any():
+        raise DataError(
+            f"vocabulary: every word occurs in every image, so none tells images apart: give more than {len(counts)} image{'s' if len(counts) != 1 else ''}, or ask for more words"
+        )
     return vocabulary(
         branching=settings.branching, depth=settings.depth, weighting="tf-idf", descriptors=nodes,
         num_children=num_children, weights=weights,
