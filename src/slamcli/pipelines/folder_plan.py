@@ -47,7 +47,9 @@ def plan_folder(recording: Recording, layout: str, target: Target, chosen: Colle
     if not colour:
         raise RecordingError(f"{recording.name}: no images of a camera: nothing to write to a {target.title}")
     names = _ordered(colour, layout, firsts)[: target.max_cameras]
-    depth = sorted((name for name in firsts if name not in colour), key=lambda n: depth_rank(firsts[n], firsts[names[0]]))
+    depth = sorted(
+        (name for name in firsts if name not in colour), key=lambda n: depth_rank(firsts[n], firsts[names[0]])
+    )
     depth = depth[: 1 if target.takes_depth else 0]
     imus = [topic.name for topic in recording.topics(ImuSample) if topic.name in chosen and topic.count != 0]
     imus = imus[: 1 if target.takes_imu else 0]
