@@ -22,12 +22,16 @@ class CameraSystem:
     Blocks are stored by columns of the elimination order, the diagonal last.
     """
 
-    def __init__(self, pairs: NDArray[np.bool_]) -> None:
-        """Take the pairs (F, F) that share points, upper part with the diagonal, in the order of cameras."""
+    def __init__(self, pairs: NDArray[np.bool_], *, shared: bool = False) -> None:
+        """Take the pairs (F, F) that share points, upper part with the diagonal, in the order of cameras.
+
+        With `shared` the last row is not a camera but what all have in common; it is eliminated last.
+        """
         size = len(pairs)
         self.size = size
         whole = pairs | pairs.T
-        order = _elimination_order(whole)
+        cameras = size - 1 if shared else size
+        order = np.append(_elimination_order(whole[:cameras, :cameras]), np.arange(cameras, size))
         self.ranks: Integers = np.empty(size, np.int64)
         """int64 (F,), when each camera is eliminated."""
         self.ranks[order] = np.arange(size)
@@ -81,3 +85,12 @@ def _elimination_order(pairs: NDArray[np.bool_]) -> Integers:
     weights = csc_matrix(np.where(pairs, -1.0, 0.0) + np.diag(pairs.sum(axis=1) + 1.0))  # dominant: no pivoting
     factor = splu(weights, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.argsort(factor.perm_c).astype(np.int64)
+
+
+def warm() -> None:
+    """Compile the kernels of this module with two cameras."""
+    system = CameraSystem(np.triu(np.ones((2, 2), np.bool_)))
+    blocks = np.zeros((3, 6, 6))
+    blocks[system.diagonal_slots] = np.eye(6)
+    system.factorise(blocks)
+    system.solve(np.ones((2, 6)))
