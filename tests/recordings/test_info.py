@@ -11,8 +11,8 @@ import pytest
 from slamcli.cli.main import run
 from slamcli.measurements import CameraModel, FrameTransform, Image, ImuSample, LaserScan, Odometry, PointCloud
 from slamcli.recordings import create_recording, open_recording, summary
+from slamcli.recordings.camera_topics import info_topic
 from slamcli.recordings.summary import RecordingSummary, summarise
-from slamcli.recordings.tier_fit import camera_info_of
 
 S = 1_000_000_000
 START = 1_600_000_000 * S
@@ -132,10 +132,10 @@ def test_which_tiers_can_run(tmp_path: Path) -> None:
 
 def test_the_calibration_that_belongs_to_an_image() -> None:
     infos = ["/left/camera_info", "/right/camera_info", "/cam/camera_info"]
-    assert camera_info_of("/left/image_raw", infos) == "/left/camera_info"
-    assert camera_info_of("/right/image_rect/compressed", infos) == "/right/camera_info"
-    assert camera_info_of("/cam/color/image_raw", infos) == "/cam/camera_info"
-    assert camera_info_of("/other/image_raw", infos) is None
+    assert info_topic("/left/image_raw", infos) == "/left/camera_info"
+    assert info_topic("/right/image_rect/compressed", infos) == "/right/camera_info"
+    assert info_topic("/cam/color/image_raw", infos) == "/cam/camera_info"
+    assert info_topic("/other/image_raw", infos) is None
 
 
 def test_a_big_recording_is_sampled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -93,3 +93,27 @@ def test_scaled_lens_sees_the_same_rays() -> None:
 def test_wrong_calibrations_are_refused(changes: dict[str, object], words: str) -> None:
     with pytest.raises(CalibrationError, match=words):
         lens_of(camera("plumb_bob", **changes))
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_kernel_agrees_with_numpy(name: str) -> None:
+    """The twin: Newton's method in NumPy with derivatives by differences, on the model that `distort` is."""
+    lens = lens_of(camera(name))
+    pixels = np.random.default_rng(5).uniform((100, 80), (540, 400), (60, 2))
+    rays = (pixels - (322.0, 241.0)) / (380.0, 376.0)
+    step = 1e-6
+    for _ in range(12):
+        miss = pixels - lens.distort(rays)
+        across = (lens.distort(rays + np.array([step, 0.0])) - lens.distort(rays - np.array([step, 0.0]))) / (2 * step)
+        down = (lens.distort(rays + np.array([0.0, step])) - lens.distort(rays - np.array([0.0, step]))) / (2 * step)
+        rays = rays + np.linalg.solve(np.stack([across, down], axis=2), miss[..., None])[..., 0]
+    np.testing.assert_allclose(lens.undistort(pixels).rays, rays, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["none", "plumb_bob", "equidistant"])
+def test_no_points_and_no_numbers(name: str) -> None:
+    lens = lens_of(camera(name))
+    assert lens.undistort(np.empty((0, 2))).rays.shape == (0, 2)
+    found = lens.undistort(np.array([[np.nan, 3.0], [322.0, 241.0]]))
+    assert np.isnan(found.rays[0]).any()
+    np.testing.assert_allclose(found.rays[1], 0.0, atol=1e-12)

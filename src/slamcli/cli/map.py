@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from slamcli.cli import kernel_cache
+from slamcli.cli.camera_options import camera_options
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
 from slamcli.cli.recording_options import given_mends, recording_options
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 _CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "height"}
 """Options that say how files are written, with their defaults."""
-_FILES = ("load_states", "load_frozen_states")
+_FILES = ("load_states", "load_frozen_states", "camera_files")
 """Options that name an input, as BAG does: without its folder in the recorded command."""
 
 
@@ -69,7 +70,7 @@ _FILES = ("load_states", "load_frozen_states")
 @click.option(
     "--odom-topic", metavar="TOPIC", help="Odometry; `tf` takes it from the transforms, `none` leaves it out."
 )
-@click.option("--imu-topic", metavar="TOPIC", help="IMU (cartographer); `none` leaves it out.")
+@click.option("--imu-topic", metavar="TOPIC", help="IMU (cartographer, orbslam3); `none` leaves it out.")
 @click.option(
     "--fix-topic", metavar="TOPIC", help="GPS fixes, or poses in a fixed frame (cartographer); `none` leaves them out."
 )
@@ -77,7 +78,9 @@ _FILES = ("load_states", "load_frozen_states")
     "--landmark-topic", metavar="TOPIC", help="Landmarks (cartographer_ros LandmarkList); `none` leaves them out."
 )
 @click.option(
-    "--mode", metavar="MODE", help="How the system runs, where it can run in several ways: 2d or 3d (cartographer)."
+    "--mode",
+    metavar="MODE",
+    help="How the system runs, where it can run in several ways: 2d or 3d (cartographer); mono, stereo, rgbd, or one of them with -inertial (orbslam3).",
 )
 @click.option(
     "--load-state", "load_states", multiple=True, metavar="FILE", type=click.Path(path_type=Path),
@@ -120,6 +123,7 @@ _FILES = ("load_states", "load_frozen_states")
 @click.option(
     "--truth", metavar="TRAJECTORY", help="True trajectory (file, or BAG:/topic): its errors go into the report."
 )
+@camera_options
 @seed_option
 @jobs_option
 @recording_options
@@ -208,10 +212,16 @@ def _command_line(
     names = {
         "config_files": "--config", "sets": "--set", "start_s": "--start", "duration_s": "--duration",
         "scan_topics": "--scan-topic", "points_topics": "--points-topic",
-        "load_states": "--load-state", "load_frozen_states": "--load-frozen-state",
+        "load_states": "--load-state", "load_frozen_states": "--load-frozen-state", "camera_files": "--camera",
     }  # fmt: skip
+    for flag, topic in options["cameras"].named().items():
+        words += [flag, topic]
     for key, value in options.items():
-        if key in ("algo", "seed", "output", "save_state") or value in (None, ()) or value == _CHOICES.get(key):
+        if (
+            key in ("algo", "seed", "output", "save_state", "cameras")
+            or value in (None, ())
+            or value == _CHOICES.get(key)
+        ):
             continue
         flag = names.get(key, f"--{key.replace('_', '-')}")
         for item in value if isinstance(value, tuple) else (value,):

@@ -5,6 +5,7 @@ Stamps are int64 nanoseconds of the message header (the sensor's own time). Arra
 read-only.
 """
 
+from slamcli.measurements.calibration import RigCalibration
 from slamcli.measurements.camera import CameraModel
 from slamcli.measurements.frames import CameraRig, ImuNoise, RgbdFrame, StereoPair
 from slamcli.measurements.geo import GeoFix
@@ -46,6 +47,7 @@ __all__ = [
     "Odometry",
     "PointCloud",
     "RgbdFrame",
+    "RigCalibration",
     "StampedPose",
     "StampedTwist",
     "StereoPair",

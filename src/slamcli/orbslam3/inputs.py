@@ -40,7 +40,13 @@ def plan_inputs(parameters: OrbSlam3Parameters, offer: SensorOffer, log: RunLog)
             f"mode {mode}{'-inertial' if use_imu else ''}, as the recording has {_what(offer)} (choose with --mode)"
         )
     return InputPlan(
-        parameters=parameters, num_laser_scans=0, spatial=True, odometry=False, imu=use_imu, camera_mode=mode
+        parameters=parameters,
+        num_laser_scans=0,
+        spatial=True,
+        odometry=False,
+        imu=use_imu,
+        camera_mode=mode,
+        map_frame=parameters.map_frame,
     )
 
 

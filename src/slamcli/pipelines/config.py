@@ -14,6 +14,7 @@ from slamcli.mapper import find_tier
 from slamcli.native import Setting, merge
 from slamcli.native.checks import Finding
 from slamcli.native.checks.files import check_file
+from slamcli.native.orbslam_names import canonical, renamed
 from slamcli.native.settings import find_native, read_text
 from slamcli.parameters import Declaration, as_dict, convert, declarations, resolve, unknown_name
 from slamcli.pipelines.native_files import read_native
@@ -29,6 +30,10 @@ _TOPICS = {
     "imu": ("imu",),
     "fixes": ("fix",),
     "landmarks": ("landmark",),
+    "left": ("camera/left/image_raw", "left/image_raw", "left/image_rect"),
+    "right": ("camera/right/image_raw", "right/image_raw", "right/image_rect"),
+    "rgb": ("camera/rgb/image_raw", "rgb/image_raw", "rgb/image", "camera/image_raw"),
+    "depth": ("camera/depth_registered/image_raw", "camera/depth/image_raw", "depth/image_raw", "depth/image"),
 }
 # What switches a role off: naming its topic in a launch file does not switch it on.
 _SWITCHES = {
@@ -103,7 +108,7 @@ def load_native(
         found = read_native(algo, find_native(Path(file)), log, arguments or {}, known)
         settings.extend(found.settings)
         remaps.update(found.remaps)
-    settings.extend(parse_set(text) for text in sets)
+    settings.extend(_own_name(parse_set(text), known) for text in sets)
     merged = merge(settings)
     for setting in merged.values():
         _check(setting, known)
@@ -134,6 +139,11 @@ def parse_set(text: str) -> Setting:
     if not equals or not name.strip():
         raise ConfigError(f"--set {text!r}: write KEY=VALUE")
     return Setting(name.strip(), value.strip(), FROM_COMMAND_LINE, 0)
+
+
+def _own_name(setting: Setting, known: Mapping[str, Declaration]) -> Setting:
+    """Return a setting under the name of its declaration, where it has a legacy one."""
+    return setting if setting.name in known or canonical(setting.name) not in known else renamed(setting)
 
 
 def _check(setting: Setting, known: Mapping[str, Declaration]) -> None:

@@ -12,9 +12,11 @@ from typing import Any
 
 from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
-from slamcli.mapper import MappingResult, Setup, find_resuming_tier, find_tier
+from slamcli.mapper import MappingResult, Setup, Tier, find_resuming_tier, find_tier
 from slamcli.outputs import atomic_directory, check_directory, check_file
 from slamcli.parameters import as_dict, declarations
+from slamcli.pipelines.camera_input import CameraFeed
+from slamcli.pipelines.camera_request import check_no_cameras, depth_unit, feed_of
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
@@ -24,6 +26,7 @@ from slamcli.pipelines.saved_state import check_dimensions, load_states, result_
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.posegraph import MapState
 from slamcli.recordings import Mends, Recording, open_recording
+from slamcli.recordings.camera_topics import CameraNames
 from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.runtime import RunLog
 
@@ -49,7 +52,11 @@ class MapRequest:
     fix_topic: str | None = None
     landmark_topic: str | None = None
     mode: str | None = None
-    """One of the tier's modes: ``2d`` or ``3d`` of cartographer."""
+    """One of the tier's modes: ``2d`` or ``3d`` of cartographer, ``mono`` to ``rgbd-inertial`` of orbslam3."""
+    cameras: CameraNames = field(default_factory=CameraNames)
+    """Image topics, for tiers that see."""
+    camera_files: Sequence[Path] = ()
+    """Calibration files of the cameras (``--camera``); later wins."""
     base_frame: str | None = None
     odom_frame: str | None = None
     map_frame: str | None = None
@@ -147,13 +154,10 @@ class _Run:
 
 def _from_recording(request: MapRequest, config: NativeConfig, state: MapState | None, log: RunLog) -> _Run:
     """Map the recording, from the state on if there is one."""
-    with open_recording(request.inputs, mends=request.mends, log=log) as recording:
+    tier = find_tier(request.algo)
+    with open_recording(request.inputs, mends=depth_unit(request.mends, config), log=log) as recording:
         _check_frame(request.base_frame, recording)
-        tier = find_tier(request.algo)
-        feed = feed_sensors(
-            recording, tier, config.parameters, config.sources, _names(request, config, recording), log,
-            mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
-        )  # fmt: skip
+        feed = _feed(request, config, tier, recording, log)
         check_dimensions(state, spatial=feed.plan.spatial)
         mapper = tier.build(feed.plan.parameters, _setup(request, feed, state, log))
         with log.stage("read"):
@@ -164,6 +168,23 @@ def _from_recording(request: MapRequest, config: NativeConfig, state: MapState |
     return _Run(
         result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=duration_s
     )
+
+
+def _feed(
+    request: MapRequest, config: NativeConfig, tier: Tier, recording: Recording, log: RunLog
+) -> SensorFeed | CameraFeed:
+    """Return where the tier's measurements come from: cameras for one that sees, else range sensors."""
+    names = _names(request, config, recording)
+    if "images" in tier.roles:
+        return feed_of(
+            recording, tier, config, names, request.cameras, request.camera_files, log,
+            mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
+        )  # fmt: skip
+    check_no_cameras(request.cameras, request.camera_files, tier.name)
+    return feed_sensors(
+        recording, tier, config.parameters, config.sources, names, log,
+        mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
+    )  # fmt: skip
 
 
 def _from_state(request: MapRequest, config: NativeConfig, state: MapState, log: RunLog) -> _Run:
@@ -178,7 +199,7 @@ def _from_state(request: MapRequest, config: NativeConfig, state: MapState, log:
         "--start": request.start_s, "--duration": request.duration_s, "--mode": request.mode,
         "--scan-topic": request.scan_topics or None, "--points-topic": request.points_topics or None,
         "--odom-topic": request.odom_topic, "--imu-topic": request.imu_topic, "--fix-topic": request.fix_topic,
-        "--landmark-topic": request.landmark_topic,
+        "--landmark-topic": request.landmark_topic, "--camera": request.camera_files or None, **request.cameras.named(),
     }  # fmt: skip
     for option, value in of_recordings.items():
         if value is not None:
@@ -238,10 +259,11 @@ def _check_frame(name: str | None, recording: Recording) -> None:
         raise CalibrationError(f"--base-frame {name}: {recording.name} has no such frame; it has {', '.join(known)}")
 
 
-def _setup(request: MapRequest, feed: SensorFeed, state: MapState | None, log: RunLog) -> Setup:
+def _setup(request: MapRequest, feed: SensorFeed | CameraFeed, state: MapState | None, log: RunLog) -> Setup:
     return Setup(
         T_base_laser=feed.T_base_laser,
         T_base_sensor=feed.T_base_sensor,
+        rig=feed.rig,
         map_frame=request.map_frame or feed.plan.map_frame,
         base_frame=feed.base_frame,
         seed=request.seed,

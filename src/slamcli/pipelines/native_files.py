@@ -11,13 +11,21 @@ from pathlib import Path
 from slamcli.errors import ConfigError
 from slamcli.native import LaunchNode, Setting, is_preset, read_cartographer_lua, read_launch, read_ros_yaml
 from slamcli.native.cartographer_launch import find_configuration
+from slamcli.native.opencv_yaml import read_opencv_yaml
+from slamcli.native.orbslam_launch import find_settings
+from slamcli.native.orbslam_names import NODE_PACKAGES, NODES, renamed
 from slamcli.native.settings import shipped_folders
 from slamcli.parameters import Declaration
 from slamcli.runtime import RunLog
 
 CARTOGRAPHER = "cartographer"
+ORBSLAM3 = "orbslam3"
 # Nodes of a launch file that a tier stands for, by their type.
-_NODES = {"gmapping": ("slam_gmapping",), CARTOGRAPHER: ("cartographer_node", "cartographer_offline_node")}
+_NODES = {
+    "gmapping": ("slam_gmapping",),
+    CARTOGRAPHER: ("cartographer_node", "cartographer_offline_node"),
+    ORBSLAM3: (*NODES, *NODE_PACKAGES),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +67,10 @@ def read_native(
         if suffix == ".lua":
             return NativeFile(settings=_read_lua(path, (), log, known))
         raise ConfigError(f"{path}: {algo} reads Lua files (.lua) and launch files (.launch, .xml)")
+    if algo == ORBSLAM3:
+        if suffix in (".yaml", ".yml"):
+            return NativeFile(settings=_read_settings(path, log))
+        raise ConfigError(f"{path}: {algo} reads settings (.yaml) and launch files (.launch, .xml)")
     if suffix in (".yaml", ".yml"):
         return NativeFile(settings=[_own(setting, algo) for setting in read_ros_yaml(path)])
     hint = f"; Lua files are for --algo {CARTOGRAPHER}" if suffix == ".lua" else ""
@@ -71,14 +83,19 @@ def _read_launch(
     launch = read_launch(path, arguments)
     for note in launch.notes:
         log.note(note)
-    nodes = [node for node in launch.nodes if node.type in _NODES.get(algo, (algo,))]
+    own = _NODES.get(algo, (algo,))
+    nodes = [node for node in launch.nodes if node.type in own or node.package in own]
     if not nodes:
         there = ", ".join(f"{node.package}/{node.type}" for node in launch.nodes) or "none"
         raise ConfigError(f"{path}: starts no node of {algo} (nodes: {there})")
     if len(nodes) > 1:
         log.warn(f"{path}: starts {len(nodes)} nodes of {algo}: {nodes[0].name} at line {nodes[0].line} is taken")
     node = nodes[0]
-    settings = _launched_lua(node, log, known) if algo == CARTOGRAPHER else tuple(node.params.values())
+    settings = tuple(node.params.values())
+    if algo == CARTOGRAPHER:
+        settings = _launched_lua(node, log, known)
+    elif algo == ORBSLAM3:
+        settings = _launched_settings(node, log)
     return NativeFile(settings=settings, remaps={name.strip("/"): topic for name, topic in node.remaps.items()})
 
 
@@ -90,6 +107,25 @@ def _launched_lua(node: LaunchNode, log: RunLog, known: Mapping[str, Declaration
     for name in node.params:
         log.note(f"{node.file}:{node.line}: {node.type} reads no parameter {name!r}")
     return _read_lua(found.path, found.folders, log, known)
+
+
+def _launched_settings(node: LaunchNode, log: RunLog) -> tuple[Setting, ...]:
+    """Return what the settings file says that a launch file names, and the node's own parameters."""
+    found = find_settings(node, shipped_folders())
+    for note in found.notes:
+        log.note(note)
+    return (*(_read_settings(found.path, log) if found.path is not None else ()), *found.settings)
+
+
+def _read_settings(path: Path, log: RunLog) -> tuple[Setting, ...]:
+    """Return the entries of ORB-SLAM's settings under their names in schema 1.0."""
+    settings = [renamed(setting) for setting in read_opencv_yaml(path)]
+    for i, setting in enumerate(settings):
+        # What the original does with it, instead of dividing by 0.
+        if setting.name == "RGBD.DepthMapFactor" and setting.value == 0:
+            log.warn(f"{setting.source}: DepthMapFactor 0 is taken as 1, as ORB-SLAM3 does")
+            settings[i] = dataclasses.replace(setting, value=1.0)
+    return tuple(settings)
 
 
 def _read_lua(

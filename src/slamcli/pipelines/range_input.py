@@ -57,6 +57,11 @@ class SensorFeed:
         return {name: mount.T_base_laser for name, mount in self.mounts.items()}
 
     @property
+    def rig(self) -> None:
+        """No cameras."""
+        return None
+
+    @property
     def base_frame(self) -> str:
         """The robot's frame, whose poses are asked for."""
         return self.picks.odometry.base_frame

@@ -131,6 +131,7 @@ class Recording:
         start_s: float | None = None,
         duration_s: float | None = None,
         log_order: bool = False,
+        log: RunLog | None = None,
     ) -> Iterator[Any]:
         """Return an iterator over the measurements of topics, merged by header stamp with constant memory.
 
@@ -142,6 +143,8 @@ class Recording:
             Part of the recording, in seconds of log time from its start; found by seeking.
         log_order
             Keep the order in which messages were recorded instead of merging by stamp.
+        log
+            Takes what is to be said of these messages, where they are read on another thread; None: the recording's.
 
         Raises
         ------
@@ -153,10 +156,11 @@ class Recording:
         chosen = [self.topic(topic if isinstance(topic, str) else topic.name) for topic in topics]
         start_ns, stop_ns = self.window(start_s, duration_s)
         return self._stream(
-            {topic.name: TopicDecoder(topic, self.raw, self.mends, self.log) for topic in chosen},
+            {topic.name: TopicDecoder(topic, self.raw, self.mends, log or self.log) for topic in chosen},
             start_ns,
             stop_ns,
             log_order,
+            log or self.log,
         )
 
     def frames(self) -> FrameTree:
@@ -211,7 +215,7 @@ class Recording:
         )
 
     def _stream(
-        self, decoders: dict[str, TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool
+        self, decoders: dict[str, TopicDecoder], start_ns: int | None, stop_ns: int | None, log_order: bool, log: RunLog
     ) -> Iterator[Any]:
         raw = self.raw.messages(tuple(decoders), start_ns, stop_ns)
         stamped = ((decoders[m.topic].stamp_ns(m), m) for m in raw if decoders[m.topic].accepts(m))
@@ -222,7 +226,7 @@ class Recording:
         for decoder in decoders.values():
             decoder.tell()
         for damage in self.contents.damage:
-            self.log.warn(damage)
+            log.warn(damage)
 
     def _would_fit(self, name: str, kind: type | None) -> str:
         """Return which topics could have been meant."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from slamcli.geometry.frame_tree import FrameTree
 from slamcli.measurements import CameraModel, GeoFix, Image, ImuSample, Landmarks, LaserScan, Odometry, PointCloud
+from slamcli.recordings.camera_topics import info_topic, stereo_partner
 from slamcli.recordings.sensor_picks import lies_flat
 from slamcli.recordings.survey import TopicSurvey
 from slamcli.recordings.topic_ranks import (
@@ -83,7 +84,7 @@ def sensor_topics(surveys: Mapping[str, TopicSurvey], frames: FrameTree) -> Sens
         colour=tuple(colour),
         depth=tuple(depth),
         stereo=_stereo_pair(colour),
-        calibrated={image: info for image in images if (info := camera_info_of(image, infos)) is not None},
+        calibrated={image: info for image in images if (info := info_topic(image, infos)) is not None},
     )
 
 
@@ -94,32 +95,13 @@ def is_depth(found: TopicSurvey) -> bool:
     return "depth" in found.topic.name.lower()
 
 
-def camera_info_of(image_topic: str, info_topics: list[str]) -> str | None:
-    """Return the CameraInfo topic of an image topic: the one that shares the longest name space with it."""
-    best, longest = None, 0
-    parts = image_topic.strip("/").split("/")
-    for info in info_topics:
-        space = info.strip("/").split("/")[:-1]
-        shared = 0
-        while shared < min(len(space), len(parts)) and space[shared] == parts[shared]:
-            shared += 1
-        # All of the info's own name space must be shared: /left/camera_info is not /right/image_raw's.
-        if shared == len(space) and shared + 1 > longest:
-            best, longest = info, shared + 1
-    return best
-
-
 def _has_any(found: TopicSurvey) -> bool:
     return (found.topic.count or found.num) > 0
 
 
 def _stereo_pair(images: list[str]) -> tuple[str, str] | None:
-    for left in images:
-        for a, b in (("left", "right"), ("cam0", "cam1"), ("infra1", "infra2")):
-            right = left.replace(a, b)
-            if right != left and right in images:
-                return left, right
-    return None
+    pairs = ((left, stereo_partner(left, images)) for left in images)
+    return next(((left, right) for left, right in pairs if right is not None), None)
 
 
 def fit_tiers(surveys: Mapping[str, TopicSurvey], frames: FrameTree) -> tuple[TierFit, ...]:

@@ -15,7 +15,7 @@ model and calibration method", PAMI 2006, doi:10.1109/TPAMI.2006.153.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import CalibrationError
 from slamcli.measurements import CameraModel
+from slamcli.vision._lens_kernels import straighten_fisheye, straighten_radial
 
 LensKind = Literal["radial", "fisheye"]
 MODELS: dict[str, tuple[LensKind, int]] = {
@@ -32,10 +33,6 @@ MODELS: dict[str, tuple[LensKind, int]] = {
     "equidistant": ("fisheye", 4), "fisheye": ("fisheye", 4), "kannala_brandt": ("fisheye", 4),
 }  # fmt: skip
 """What the names of distortion models mean, and how many coefficients each has at most."""
-
-_ITERATIONS = 30
-_TOLERANCE = 1e-12
-_ACCEPTED = 1e-9
 
 
 class Undistorted(NamedTuple):
@@ -59,6 +56,11 @@ class Lens:
     cy: float
     coefficients: NDArray[np.float64]
     """float64 (8,) k1 k2 p1 p2 k3 k4 k5 k6, or (4,) of the fisheye."""
+    limit: float = field(init=False)
+    """Squared radius of a ray (its angle, for a fisheye) up to which the model holds: farther rays come back inwards."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "limit", self._limit())
 
     @property
     def ideal(self) -> bool:
@@ -85,7 +87,7 @@ class Lens:
         if self.kind == "fisheye":
             across = np.hypot(points_camera[:, 0], points_camera[:, 1])
             angle = np.arctan2(across, points_camera[:, 2])
-            seen = angle < self._limit()
+            seen = angle < self.limit
             with np.errstate(divide="ignore", invalid="ignore"):
                 factor = np.where(across > 0, self._bent(angle) / across, 1.0)
             return np.where(seen[:, None], self._pixels(points_camera[:, :2] * factor[:, None]), np.nan)
@@ -102,19 +104,21 @@ class Lens:
             with np.errstate(invalid="ignore", divide="ignore"):
                 factor = np.where(radius > 1e-12, self._bent(angle) / radius, 1.0)
             bent = rays * factor[:, None]
-            beyond = angle >= self._limit()
+            beyond = angle >= self.limit
         else:
-            bent, _ = self._bend(rays)
-            beyond = square >= self._limit()
+            bent = self._bend(rays)
+            beyond = square >= self.limit
         return np.where(beyond[:, None], np.nan, self._pixels(bent))
 
     def undistort(self, pixels: NDArray[np.float64]) -> Undistorted:
         """Return the rays of raw pixels (N, 2), to 1e-9, by Newton's method."""
-        bent = (np.asarray(pixels, dtype=np.float64) - (self.cx, self.cy)) / (self.fx, self.fy)
+        bent = np.ascontiguousarray((np.asarray(pixels, dtype=np.float64) - (self.cx, self.cy)) / (self.fx, self.fy))
         pixel = 1.0 / np.sqrt(self.fx * self.fy)
         if self.ideal:
             return Undistorted(bent, np.full(len(bent), pixel))
-        rays, area = self._straight_fisheye(bent) if self.kind == "fisheye" else self._straight_radial(bent)
+        rays, area = np.empty_like(bent), np.empty(len(bent))
+        straighten = straighten_fisheye if self.kind == "fisheye" else straighten_radial
+        straighten(bent, self.coefficients, self.limit, rays, area)
         return Undistorted(rays, np.sqrt(area) * pixel)
 
     def _pixels(self, bent: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -143,60 +147,20 @@ class Lens:
         slope = (above + s * above.deriv()) * below - s * above * below.deriv()
         return min(_first_root(slope), _first_root(below))
 
-    def _bend(self, rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return distorted coordinates (N, 2) of rays and their derivatives (3, N): xx, xy (= yx), yy."""
+    def _bend(self, rays: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return distorted coordinates (N, 2) of rays."""
         p1, p2 = self.coefficients[2:4]
         x, y = rays.T
         square = x * x + y * y
         above, below = self._ratio()
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            top, bottom = above(square), below(square)
-            factor = top / bottom
-            slope = (above.deriv()(square) - factor * below.deriv()(square)) / bottom
-            bent = np.column_stack(
+            factor = above(square) / below(square)
+            return np.column_stack(
                 [
                     x * factor + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x),
                     y * factor + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
                 ]
             )
-            xx = factor + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
-            xy = 2.0 * x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
-            yy = factor + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
-        return bent, np.array([xx, xy, yy])
-
-    def _straight_radial(self, bent: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        rays = bent.copy()
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for _ in range(_ITERATIONS):
-                reached, (xx, xy, yy) = self._bend(rays)
-                miss = bent - reached
-                determinant = xx * yy - xy * xy
-                step = np.column_stack([yy * miss[:, 0] - xy * miss[:, 1], xx * miss[:, 1] - xy * miss[:, 0]])
-                rays = rays + step / determinant[:, None]
-                if not (np.abs(miss) > _TOLERANCE).any():
-                    break
-            reached, (xx, xy, yy) = self._bend(rays)
-            determinant = xx * yy - xy * xy
-            good = (np.abs(bent - reached) < _ACCEPTED).all(axis=1)
-            good &= (determinant > 0.0) & ((rays**2).sum(axis=1) < self._limit())
-            return np.where(good[:, None], rays, np.nan), np.where(good, 1.0 / determinant, np.nan)
-
-    def _straight_fisheye(self, bent: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        k1, k2, k3, k4 = self.coefficients
-        slope = Polynomial([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3, 9.0 * k4])
-        wanted = np.hypot(bent[:, 0], bent[:, 1])
-        angle = wanted.copy()
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for _ in range(_ITERATIONS):
-                miss = wanted - self._bent(angle)
-                angle = angle + miss / slope(angle * angle)
-                if not (np.abs(miss) > _TOLERANCE).any():
-                    break
-            good = (np.abs(wanted - self._bent(angle)) < _ACCEPTED) & (angle < min(self._limit(), np.pi / 2.0 - 1e-6))
-            radius = np.tan(np.where(good, angle, np.nan))
-            tangential = np.where(wanted > 1e-12, radius / wanted, 1.0 + 0.0 * radius)
-            radial = (1.0 + radius * radius) / slope(angle * angle)
-        return bent * tangential[:, None], tangential * radial
 
 
 def lens_of(camera: CameraModel) -> Lens:
@@ -227,7 +191,9 @@ def lens_of(camera: CameraModel) -> Lens:
         raise CalibrationError(
             f"{where}: focal lengths {K[0, 0]:g}, {K[1, 1]:g} px: an uncalibrated camera; give its calibration with --camera"
         )
-    return Lens(kind=kind, fx=K[0, 0], fy=K[1, 1], cx=K[0, 2], cy=K[1, 2], coefficients=coefficients)
+    return Lens(
+        kind=kind, fx=float(K[0, 0]), fy=float(K[1, 1]), cx=float(K[0, 2]), cy=float(K[1, 2]), coefficients=coefficients
+    )
 
 
 def _first_root(slope: Polynomial) -> float:
@@ -236,3 +202,10 @@ def _first_root(slope: Polynomial) -> float:
     real = roots[np.abs(np.imag(roots)) < 1e-9].real
     positive = real[real > 0.0]
     return float(positive.min()) if len(positive) else float("inf")
+
+
+def warm() -> None:
+    """Compile the kernels on tiny input."""
+    for kind, count in (("radial", 8), ("fisheye", 4)):
+        lens = Lens(kind=kind, fx=100.0, fy=100.0, cx=50.0, cy=50.0, coefficients=np.full(count, 1e-3))  # type: ignore[arg-type]
+        lens.undistort(np.array([[20.0, 30.0]]))

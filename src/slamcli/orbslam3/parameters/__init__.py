@@ -33,6 +33,7 @@ class OrbSlam3Parameters:
     version: str = parameter(
         "1.0", "schema of the settings file: both are read, whatever it says", name="File.version", effective=False
     )
+    map_frame: str = parameter("map", "name of the map's frame (of the ROS node)", name="world_frame_id")
     device: DeviceParameters = group(DeviceParameters(), name="")
     extractor: ExtractorParameters = group(ExtractorParameters(), name="ORBextractor")
     system: SystemParameters = group(SystemParameters(), name="System")

@@ -8,9 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from slamcli.measurements import CameraModel, Image
+from slamcli.recordings.camera_topics import info_topic
 from slamcli.recordings.checks.evidence import Evidence
 from slamcli.recordings.checks.finding import Finding
-from slamcli.recordings.tier_fit import camera_info_of, sensor_topics
+from slamcli.recordings.tier_fit import sensor_topics
 
 _NEAREST_M, _FARTHEST_M = 0.15, 30.0
 
@@ -19,7 +20,7 @@ def calibration(evidence: Evidence) -> Iterator[Finding]:
     """Find images without, with an unset, or with a changing calibration."""
     infos = list(evidence.of(CameraModel))
     for name, found in evidence.of(Image).items():
-        if camera_info_of(name, infos) is None:
+        if info_topic(name, infos) is None:
             yield Finding(
                 severity="warning",
                 topic=name,
@@ -52,7 +53,7 @@ def size(evidence: Evidence) -> Iterator[Finding]:
     """Compare the size of images with the one in their calibration."""
     infos = list(evidence.of(CameraModel))
     for name, images in evidence.images.items():
-        info = camera_info_of(name, infos)
+        info = info_topic(name, infos)
         model = evidence.cameras[info].first if info is not None and info in evidence.cameras else None
         height, width = images[0].pixels.shape[:2]
         if model is not None and model.width and (model.width, model.height) != (width, height):
