@@ -26,7 +26,9 @@ def keyframe(sparse_map, rng, n, parent=-1, x=0.0, points=None):
     T = np.eye(4)
     T[0, 3] = -x
     points = np.full(n, -1, dtype=np.int64) if points is None else np.asarray(points, dtype=np.int64)
-    frame = Frame(number=sparse_map.num_keyframes, stamp_ns=7, features=features(rng, n), grid=None, T_camera_map=T, points=points)
+    frame = Frame(
+        number=sparse_map.num_keyframes, stamp_ns=7, features=features(rng, n), grid=None, T_camera_map=T, points=points
+    )
     return sparse_map.add_keyframe(frame, parent)
 
 

@@ -31,6 +31,7 @@ ROOMS = (
     "posegraph.inertial_links",
     "posegraph.planar_covariances",
     "posegraph.spatial",
+    "posegraph.visual_inertial",
     "registration.branch_and_bound",
     "registration.branch_and_bound_3d",
     "registration.grid_matching",
@@ -57,6 +58,7 @@ ROOMS = (
     "vision.pose_optimisation",
     "vision.similarity_optimisation",
     "vision.similarity_ransac",
+    "vision.stereo_matching",
     "vision.triangulation",
     "vision.two_view",
 )

@@ -10,7 +10,9 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def project_points(ids, positions, normals, near, far, T_camera_map, camera, limits, log_scale, num_levels, least_cosine, slack):
+def project_points(
+    ids, positions, normals, near, far, T_camera_map, camera, limits, log_scale, num_levels, least_cosine, slack
+):
     """Return which points a frame can see and where.
 
     Parameters
@@ -64,7 +66,7 @@ def project_points(ids, positions, normals, near, far, T_camera_map, camera, lim
         cosine = (dx * normals[p, 0] + dy * normals[p, 1] + dz * normals[p, 2]) / distance
         if cosine < least_cosine:
             continue
-        octave = int(math.ceil(math.log(far[p] / distance) / log_scale - 1e-9))
+        octave = math.ceil(math.log(far[p] / distance) / log_scale - 1e-9)
         rows[found] = r
         pixels[found, 0] = u
         pixels[found, 1] = v

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
-from slamcli.vision.bundle_adjustment import BundleProblem, BundleResult, adjust_bundle
+from slamcli.vision.bundle_adjustment import adjust_bundle
+from slamcli.vision.bundle_problem import BundleProblem, BundleResult
 
 _CHI2_MONO, _CHI2_STEREO = 5.991, 7.815
 

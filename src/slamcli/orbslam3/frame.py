@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.vision.features import Features
 from slamcli.vision.matching import FeatureGrid
+
+
+def _origin() -> NDArray[np.float64]:
+    return np.eye(4)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -21,8 +25,8 @@ class Frame:
     stamp_ns: int
     features: Features
     grid: FeatureGrid
-    T_camera_map: NDArray[np.float64] | None = None
-    """float64 (4, 4); None where tracking failed."""
+    T_camera_map: NDArray[np.float64] = field(default_factory=_origin)
+    """float64 (4, 4); the identity until it is tracked."""
     points: NDArray[np.int64]
     """(N,), map point that each feature sees, or -1."""
     reference: int = -1

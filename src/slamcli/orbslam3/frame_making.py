@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from slamcli.measurements import CameraRig, Measurement
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.parameters import OrbSlam3Parameters
-from slamcli.orbslam3.settings import orb_settings, preparation_settings
+from slamcli.orbslam3.preparing import preparation_settings
+from slamcli.orbslam3.settings import orb_settings
 from slamcli.vision.depth_lookup import with_depth
 from slamcli.vision.features import Features
 from slamcli.vision.matching import feature_grid
 from slamcli.vision.orb import extract_orb
-from slamcli.vision.preparation import PreparedFrame, Preparation
+from slamcli.vision.preparation import Preparation, PreparedFrame
 from slamcli.vision.stereo_matching import match_stereo
 
 
@@ -24,8 +25,8 @@ class FrameMaker:
     """Makes frames out of what a rig gives; `make` may run on any thread."""
 
     def __init__(self, parameters: OrbSlam3Parameters, rig: CameraRig) -> None:
-        self._orb = orb_settings(parameters, rig)
-        self.preparation = Preparation(rig, preparation_settings(parameters))
+        self._orb = orb_settings(parameters)
+        self.preparation = Preparation(rig, preparation_settings(parameters, rig))
         self.camera = self.preparation.camera
         self.scales: NDArray[np.float64] = self._orb.scale_factor ** np.arange(self._orb.num_levels, dtype=np.float64)
 
@@ -46,7 +47,7 @@ class FrameMaker:
     def _features(self, prepared: PreparedFrame) -> Features:
         found = extract_orb(prepared.grey, self._orb)
         if prepared.right is not None:
-            right, depth = match_stereo(found, extract_orb(prepared.right, self._orb), self.camera, self._orb)
+            right, depth = match_stereo(found, extract_orb(prepared.right, self._orb), self.camera)
             return replace(found.features, right=right, depth=depth)
         features = self.preparation.undistorted(found.features)
         return features if prepared.depth is None else with_depth(features, prepared.depth, self.camera)

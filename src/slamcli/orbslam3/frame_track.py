@@ -39,7 +39,6 @@ class TrackedFrame:
 
 def tracked_frame(sparse_map: SparseMap, map_number: int, frame: Frame) -> TrackedFrame:
     """Return what is kept of a frame that was tracked."""
-    assert frame.T_camera_map is not None
     rows = np.flatnonzero(frame.points >= 0)
     T_reference = sparse_map.T_camera_map[frame.reference]
     return TrackedFrame(
@@ -54,7 +53,9 @@ def tracked_frame(sparse_map: SparseMap, map_number: int, frame: Frame) -> Track
     )
 
 
-def final_pose(sparse_map: SparseMap, poses: NDArray[np.float64], frame: TrackedFrame, *, refine: bool) -> NDArray[np.float64]:
+def final_pose(
+    sparse_map: SparseMap, poses: NDArray[np.float64], frame: TrackedFrame, *, refine: bool
+) -> NDArray[np.float64]:
     """Return T_camera_map (4, 4) of a frame on the final map.
 
     Parameters
@@ -72,6 +73,11 @@ def final_pose(sparse_map: SparseMap, poses: NDArray[np.float64], frame: Tracked
     if len(rows) < _LEAST:
         return carried
     estimate = optimise_pose(
-        carried, sparse_map.positions[ids[rows]], frame.pixels[rows], frame.right[rows], frame.sigmas[rows], sparse_map.camera
+        carried,
+        sparse_map.positions[ids[rows]],
+        frame.pixels[rows],
+        frame.right[rows],
+        frame.sigmas[rows],
+        sparse_map.camera,
     )
     return estimate.T_camera_map if estimate.inliers.sum() >= max(_LEAST, 0.5 * len(rows)) else carried

@@ -13,16 +13,17 @@ from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.sparse_map import SparseMap
-from slamcli.vision.matching import match_window
+from slamcli.vision.matching import match_brute_force
 from slamcli.vision.two_view import initialise_two_view
 
-_LEAST_FEATURES, _LEAST_MATCHES, _LEAST_POINTS = 100, 100, 50
-_WINDOW = 100
+_LEAST_FEATURES, _LEAST_MATCHES, _LEAST_POINTS, _LEAST_DEEP = 100, 100, 50, 50
+_MOST_APART = 60
+"""Hamming distance of matches between the first two keyframes: key points of all octaves, anywhere in the image."""
 
 
 def start_with_depth(sparse_map: SparseMap, frame: Frame, close_m: float, least: int, words: Any) -> bool:
-    """Make the first keyframe of a camera with depth, at the origin; return whether enough features have depth."""
-    if int((frame.features.depth < np.inf).sum()) < least:
+    """Make the first keyframe of a camera with depth, at the origin; return whether it has `least` features, and depth for enough."""
+    if len(frame.features) < least or int((frame.features.depth < np.inf).sum()) < _LEAST_DEEP:
         return False
     frame.T_camera_map = np.eye(4)
     keyframe = sparse_map.add_keyframe(frame, -1, words)
@@ -38,7 +39,6 @@ class MonocularStart:
     def __init__(self, seed: int, make_words: Callable[[Frame], Any]) -> None:
         self._seed, self._make_words = seed, make_words
         self._first: Frame | None = None
-        self._around: Any = None
 
     def take(self, sparse_map: SparseMap, frame: Frame) -> bool:
         """Take the next frame; return whether the map has begun. The median depth of the first keyframe is then 1."""
@@ -48,31 +48,36 @@ class MonocularStart:
         if self._first is None:
             self._begin(frame)
             return False
-        matched = match_window(self._first.features, self._around, frame.features, frame.grid, radius=_WINDOW, max_distance=50, ratio=0.9)
+        matched = match_brute_force(
+            self._first.features.descriptors, frame.features.descriptors, max_distance=_MOST_APART, ratio=0.9, mutual=True,
+            angles_a=self._first.features.angles, angles_b=frame.features.angles,
+        )  # fmt: skip
         at_first = np.flatnonzero(matched >= 0)
         if len(at_first) < _LEAST_MATCHES:
             self._begin(frame)
             return False
         at_frame = matched[at_first]
-        self._around[at_first] = frame.features.pixels[at_frame]
         try:
             start = initialise_two_view(
-                self._first.features.pixels[at_first], frame.features.pixels[at_frame], sparse_map.camera, seed=self._seed + frame.number
+                self._first.features.pixels[at_first],
+                frame.features.pixels[at_frame],
+                sparse_map.camera,
+                seed=self._seed + frame.number,
             )
         except EstimationError:
             return False
         good = np.isfinite(start.points).all(axis=1)
         if good.sum() < _LEAST_POINTS:
             return False
-        self._build(sparse_map, frame, start.T_b_a, start.points[good], at_first[good], at_frame[good])
+        self._build(sparse_map, self._first, frame, start.T_b_a, start.points[good], at_first[good], at_frame[good])
         return True
 
     def _begin(self, frame: Frame) -> None:
-        self._first, self._around = frame, frame.features.pixels.copy()
+        self._first = frame
 
-    def _build(self, sparse_map: SparseMap, frame: Frame, T_b_a: Any, points: Any, at_first: Any, at_frame: Any) -> None:
-        first = self._first
-        assert first is not None
+    def _build(
+        self, sparse_map: SparseMap, first: Frame, frame: Frame, T_b_a: Any, points: Any, at_first: Any, at_frame: Any
+    ) -> None:
         scale = 1.0 / float(np.median(points[:, 2]))
         first.T_camera_map = np.eye(4)
         frame.T_camera_map = T_b_a.copy()

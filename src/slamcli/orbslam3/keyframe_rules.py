@@ -29,7 +29,9 @@ class KeyframeSettings:
     """Frames after which one is made anyway where less than all of the reference's points are seen: one second."""
 
 
-def needs_keyframe(sparse_map: SparseMap, frame: Frame, last_keyframe: int, tracked: int, settings: KeyframeSettings) -> bool:
+def needs_keyframe(
+    sparse_map: SparseMap, frame: Frame, last_keyframe: int, tracked: int, settings: KeyframeSettings
+) -> bool:
     """Return whether a tracked frame should become a keyframe (ORB-SLAM3, NeedNewKeyFrame, the mapper being idle).
 
     Parameters

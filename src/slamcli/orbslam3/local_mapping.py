@@ -55,7 +55,9 @@ class LocalMapping:
         self._cull_points(sparse_map, keyframe)
         sparse_map.refresh_points(sparse_map.points_of(np.array([keyframe])))
         neighbours, _ = sparse_map.covisible(keyframe)
-        made = points_from_neighbours(sparse_map, keyframe, neighbours[: settings.num_neighbours], colours, settings.farthest_m)
+        made = points_from_neighbours(
+            sparse_map, keyframe, neighbours[: settings.num_neighbours], colours, settings.farthest_m
+        )
         self._recent = np.concatenate([self._recent, fresh, made])
         fuse_around(sparse_map, keyframe, neighbours[: settings.num_neighbours])
         if len(sparse_map.living_keyframes) > 2:

@@ -29,7 +29,9 @@ class OrbSlam3Mapper:
         self._parameters, self._setup, self._log = parameters, setup, setup.log
         self._maker = FrameMaker(parameters, setup.rig)
         self._session = Session(
-            self._maker.camera, self._maker.scales, session_settings(parameters, setup.rig, self._maker.camera, setup.seed)
+            self._maker.camera,
+            self._maker.scales,
+            session_settings(parameters, setup.rig, self._maker.camera, setup.seed),
         )
         self._workers = ThreadPoolExecutor(1) if setup.jobs > 1 else None
         self._waiting: deque[Future[Frame] | _Done] = deque()

@@ -17,7 +17,11 @@ _LEAST_BASELINE = 0.01
 
 
 def points_from_depth(
-    sparse_map: SparseMap, keyframe: int, close_m: float, colours: NDArray[np.uint8] | None = None, farthest_m: float = np.inf
+    sparse_map: SparseMap,
+    keyframe: int,
+    close_m: float,
+    colours: NDArray[np.uint8] | None = None,
+    farthest_m: float = np.inf,
 ) -> Ids:
     """Add the points of a keyframe's features with depth that see none yet: all close ones, and at least the 100 closest."""
     n = sparse_map.counts[keyframe]
@@ -35,7 +39,11 @@ def points_from_depth(
 
 
 def points_from_neighbours(
-    sparse_map: SparseMap, keyframe: int, neighbours: Ids, colours: NDArray[np.uint8] | None = None, farthest_m: float = np.inf
+    sparse_map: SparseMap,
+    keyframe: int,
+    neighbours: Ids,
+    colours: NDArray[np.uint8] | None = None,
+    farthest_m: float = np.inf,
 ) -> Ids:
     """Add points that a keyframe's free features see together with free features of its neighbours."""
     made = []

@@ -13,7 +13,8 @@ class Rows:
     """An array (N, ...) whose rows are appended in amortised constant time."""
 
     def __init__(self, shape: tuple[int, ...], dtype: Any, fill: Any = 0) -> None:
-        self._fill = fill
+        self.fill = fill
+        """What cells hold that nothing was written to."""
         self._data: NDArray[Any] = np.full((16, *shape), fill, dtype=dtype)
         self._length = 0
 
@@ -40,7 +41,7 @@ class Rows:
 
     def _grow(self, needed: int, shape: tuple[int, ...]) -> None:
         size = max(needed, len(self._data) * (2 if needed > len(self._data) else 1))
-        data = np.full((size, *shape), self._fill, dtype=self._data.dtype)
+        data = np.full((size, *shape), self.fill, dtype=self._data.dtype)
         corner = tuple(slice(0, n) for n in self._data.shape)
         data[corner] = self._data
         self._data = data

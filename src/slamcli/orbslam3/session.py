@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,35 +36,30 @@ class SessionSettings:
     close_m: float
     farthest_m: float
     least_start: int = 500
-    """Features with depth that the first keyframe needs."""
+    """Features that the first keyframe of a camera with depth needs."""
     seed: int = 0
 
 
-@dataclass(slots=True)
 class Session:
     """Tracks frame after frame, and maps."""
 
-    camera: Pinhole
-    scales: NDArray[np.float64]
-    settings: SessionSettings
-    counts: Counter[str] = field(default_factory=Counter)
-    maps: list[SparseMap] = field(default_factory=list)
-    tracked: list[TrackedFrame] = field(default_factory=list)
-    untracked: list[int] = field(default_factory=list)
-    """Numbers of the frames that have no pose."""
-    steps: list[tuple[int, int, int, int]] = field(default_factory=list)
-    """Per frame: number, points that hold, keyframes alive, points alive."""
-    _last: Frame | None = None
-    _velocity: NDArray[np.float64] | None = None
-    """float64 (4, 4), motion of the camera from one frame to the next, scaled by time when used."""
-    _velocity_ns: int = 0
-    _last_keyframe: int = 0
-    _last_pose_beside: NDArray[np.float64] | None = None
-    _start: MonocularStart | None = None
-    _mapping: LocalMapping | None = None
-
-    def __post_init__(self) -> None:
-        self._mapping = LocalMapping(self.settings.mapping, self.counts)
+    def __init__(self, camera: Pinhole, scales: NDArray[np.float64], settings: SessionSettings) -> None:
+        self.camera, self.scales, self.settings = camera, scales, settings
+        self.counts: Counter[str] = Counter()
+        self.maps: list[SparseMap] = []
+        self.tracked: list[TrackedFrame] = []
+        self.untracked: list[int] = []
+        """Numbers of the frames that have no pose."""
+        self.steps: list[tuple[int, int, int, int]] = []
+        """Per frame: number, points that hold, keyframes alive, points alive."""
+        self._mapping = LocalMapping(settings.mapping, self.counts)
+        self._last: Frame | None = None
+        self._beside_reference = np.eye(4)
+        """T_camera_keyframe of the last frame and its reference keyframe, whose pose mapping may change."""
+        self._velocity: NDArray[np.float64] | None = None
+        """float64 (4, 4), motion of the camera within `_velocity_ns`."""
+        self._velocity_ns = 1
+        self._last_keyframe = 0
         self._new_map()
 
     @property
@@ -74,10 +69,8 @@ class Session:
 
     def take(self, frame: Frame) -> None:
         """Track the next frame; make it a keyframe where the map needs one."""
-        if not self.map.num_keyframes:
-            held = self._begin(frame)
-        else:
-            held = self._track(frame)
+        last = self._last
+        held = self._begin(frame) if last is None else self._track(last, frame)
         if held:
             self._keep(frame)
         else:
@@ -88,7 +81,6 @@ class Session:
         self.maps.append(SparseMap(self.camera, self.scales))
         self._start = MonocularStart(self.settings.seed, self._words)
         self._last, self._velocity = None, None
-        assert self._mapping is not None
         self._mapping.forget()
 
     def _words(self, frame: Frame) -> Any:
@@ -98,24 +90,25 @@ class Session:
     def _begin(self, frame: Frame) -> int:
         """Start the map with this frame if it can be; return how many points it sees."""
         if self.camera.baseline_m > 0:
-            began = start_with_depth(self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame))
+            began = start_with_depth(
+                self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame)
+            )
         else:
-            assert self._start is not None
             began = self._start.take(self.map, frame)
         if not began:
             return 0
         self._last_keyframe = frame.number
         return frame.num_points
 
-    def _track(self, frame: Frame) -> int:
+    def _track(self, last: Frame, frame: Frame) -> int:
         """Find out where the frame was taken; return how many points of the map hold, 0 if it is lost."""
-        last = self._last
-        assert last is not None
-        last.T_camera_map = self._pose_of_last()
+        last.T_camera_map = self._beside_reference @ self.map.pose_of(last.reference)
         self.map.resolve(last)
         held = 0
         if self._velocity is not None:
-            predicted = self._motion(frame.stamp_ns - last.stamp_ns) @ last.T_camera_map
+            predicted = (
+                _part_of(self._velocity, (frame.stamp_ns - last.stamp_ns) / self._velocity_ns) @ last.T_camera_map
+            )
             if track_motion(self.map, last, frame, predicted, self.settings.tracking):
                 held = track_local_map(self.map, frame, self.settings.tracking)
         if held < _LEAST_HELD:
@@ -144,8 +137,9 @@ class Session:
         keyframe = self.map.add_keyframe(frame, frame.reference, self._words(frame))
         fresh = np.empty(0, dtype=np.int64)
         if self.camera.baseline_m > 0:
-            fresh = points_from_depth(self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m)
-        assert self._mapping is not None
+            fresh = points_from_depth(
+                self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m
+            )
         self._mapping.insert(self.map, keyframe, fresh, frame.colours)
         frame.points = self.map.seen[keyframe, : len(frame.features)].copy()
         frame.T_camera_map = self.map.T_camera_map[keyframe].copy()
@@ -156,27 +150,11 @@ class Session:
     def _keep(self, frame: Frame) -> None:
         self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
         self._last = frame
-        self._last_pose_beside = self.tracked[-1].T_frame_reference
-
-    def _pose_of_last(self) -> NDArray[np.float64]:
-        """Return where the last frame is now that its keyframe may have been moved."""
-        assert self._last is not None
-        assert self._last_pose_beside is not None
-        return self._last_pose_beside @ self.map.pose_of(self._last.reference)
+        self._beside_reference = self.tracked[-1].T_frame_reference
 
     def _set_velocity(self, last: Frame, frame: Frame) -> None:
-        assert frame.T_camera_map is not None
-        assert last.T_camera_map is not None
         self._velocity = frame.T_camera_map @ np.linalg.inv(last.T_camera_map)
         self._velocity_ns = max(frame.stamp_ns - last.stamp_ns, 1)
-
-    def _motion(self, elapsed_ns: int) -> NDArray[np.float64]:
-        """Return the motion within a time at the velocity of the last two frames."""
-        assert self._velocity is not None
-        share = elapsed_ns / self._velocity_ns
-        if abs(share - 1.0) < 0.05:
-            return self._velocity
-        return _part_of(self._velocity, share)
 
     def finish(self) -> None:
         """Adjust every map as a whole."""

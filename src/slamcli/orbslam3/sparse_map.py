@@ -105,9 +105,8 @@ class SparseMap:
         words
             What place recognition keeps of it.
         """
-        assert frame.T_camera_map is not None
         k, features = self.num_keyframes, frame.features
-        wide = {
+        wide: dict[str, NDArray[Any]] = {
             "seen": self.resolved(frame.points), "pixels": features.pixels, "raw_pixels": features.raw_pixels, "octaves": features.octaves,
             "angles": features.angles, "responses": features.responses, "key_descriptors": features.descriptors,
             "sigmas": features.sigmas, "right": features.right, "depth": features.depth,
@@ -115,7 +114,7 @@ class SparseMap:
         for name, row in wide.items():
             rows = self._columns[name]
             rows.widen(len(row))
-            whole = np.full((1, *rows.values.shape[1:]), rows._fill, dtype=rows.values.dtype)
+            whole = np.full((1, *rows.values.shape[1:]), rows.fill, dtype=rows.values.dtype)
             whole[0, : len(row)] = row
             rows.append(whole)
         single = {
@@ -130,9 +129,8 @@ class SparseMap:
         return k
 
     def remove_keyframe(self, keyframe: int) -> None:
-        """Cull a keyframe: it sees nothing any more, its children get another parent, and its pose hangs on its own parent's."""
+        """Cull a keyframe that has a parent: it sees nothing any more, its children get another parent, and its pose hangs on its own parent's."""
         parent = int(self.parent[keyframe])
-        assert parent >= 0, "the first keyframe stays"
         self.T_camera_parent[keyframe] = self.T_camera_map[keyframe] @ np.linalg.inv(self.T_camera_map[parent])
         for child in np.flatnonzero((self.parent == keyframe) & self.keyframe_alive):
             self.parent[child] = self._new_parent(int(child), keyframe, parent)
@@ -184,7 +182,9 @@ class SparseMap:
 
     # points
 
-    def add_points(self, positions: NDArray[np.float64], keyframe: int, features: Ids, colours: NDArray[np.uint8] | None = None) -> Ids:
+    def add_points(
+        self, positions: NDArray[np.float64], keyframe: int, features: Ids, colours: NDArray[np.uint8] | None = None
+    ) -> Ids:
         """Append points (N, 3), map frame, that features of a keyframe see; return their numbers."""
         n, first = len(positions), self.num_points
         ids = np.arange(first, first + n)

@@ -40,7 +40,9 @@ class TrackingSettings:
     seed: int = 0
 
 
-def track_motion(sparse_map: SparseMap, last: Frame, frame: Frame, predicted: NDArray[np.float64], settings: TrackingSettings) -> bool:
+def track_motion(
+    sparse_map: SparseMap, last: Frame, frame: Frame, predicted: NDArray[np.float64], settings: TrackingSettings
+) -> bool:
     """Find the points of the last frame around where the motion puts them; set the frame's pose and points.
 
     Close features of the last frame that see no map point yet help as points of this one step (ORB-SLAM2, "visual odometry points").
@@ -49,7 +51,7 @@ def track_motion(sparse_map: SparseMap, last: Frame, frame: Frame, predicted: ND
     ids = last.points[rows]
     positions, descriptors = sparse_map.positions[ids], sparse_map.descriptors[ids]
     loose = np.flatnonzero((last.points < 0) & (last.features.depth < settings.close_m))
-    if len(loose) and last.T_camera_map is not None:
+    if len(loose):
         seen = sparse_map.camera.back_project(last.features.pixels[loose], last.features.depth[loose])
         T_map_camera = np.linalg.inv(last.T_camera_map)
         positions = np.concatenate([positions, seen @ T_map_camera[:3, :3].T + T_map_camera[:3, 3]])
@@ -65,7 +67,13 @@ def track_motion(sparse_map: SparseMap, last: Frame, frame: Frame, predicted: ND
         pixels = camera.project(at_camera)
         right = pixels[:, 0] - camera.bf / at_camera[:, 2]
     x_min, y_min, x_max, y_max = camera.limits
-    inside = (at_camera[:, 2] > 0) & (pixels[:, 0] >= x_min) & (pixels[:, 0] < x_max) & (pixels[:, 1] >= y_min) & (pixels[:, 1] < y_max)
+    inside = (
+        (at_camera[:, 2] > 0)
+        & (pixels[:, 0] >= x_min)
+        & (pixels[:, 0] < x_max)
+        & (pixels[:, 1] >= y_min)
+        & (pixels[:, 1] < y_max)
+    )
     lowest, highest = _octave_range(octaves, last, predicted, camera.baseline_m)
     chosen = np.flatnonzero(inside)
     for factor in (1.0, 2.0):
@@ -93,7 +101,6 @@ def track_motion(sparse_map: SparseMap, last: Frame, frame: Frame, predicted: ND
 
 def _octave_range(octaves: Ids, last: Frame, predicted: NDArray[np.float64], baseline_m: float) -> tuple[Ids, Ids]:
     """Return the levels to look at: finer ones are out when the camera went ahead by more than a baseline, coarser ones when back."""
-    assert last.T_camera_map is not None
     ahead = float((last.T_camera_map @ np.linalg.inv(predicted))[2, 3])
     if baseline_m > 0 and ahead > baseline_m:
         return octaves, np.full_like(octaves, 1 << 10)
@@ -102,7 +109,9 @@ def _octave_range(octaves: Ids, last: Frame, predicted: NDArray[np.float64], bas
     return octaves - 1, octaves + 1
 
 
-def track_keyframe(sparse_map: SparseMap, keyframe: int, guess: NDArray[np.float64], frame: Frame, settings: TrackingSettings) -> bool:
+def track_keyframe(
+    sparse_map: SparseMap, keyframe: int, guess: NDArray[np.float64], frame: Frame, settings: TrackingSettings
+) -> bool:
     """Match a keyframe's points by their descriptors alone; set the frame's pose and points.
 
     This needs no motion model: the pose comes from P3P within RANSAC where refinement from `guess` finds too few.
@@ -140,7 +149,9 @@ def _pose_of_matches(
     if estimate.inliers.sum() >= max(_LEAST_TRACKED, 0.5 * len(ids)):
         return estimate
     try:
-        other = estimate_pose_pnp(positions, pixels, sigmas, sparse_map.camera, seed=seed + frame.number, iterations=1000)
+        other = estimate_pose_pnp(
+            positions, pixels, sigmas, sparse_map.camera, seed=seed + frame.number, iterations=1000
+        )
     except EstimationError:
         return None
     estimate = optimise_pose(other.T_camera_map, positions, pixels, right, sigmas, sparse_map.camera)
@@ -170,7 +181,6 @@ def track_local_map(sparse_map: SparseMap, frame: Frame, settings: TrackingSetti
 
     Sets the frame's pose, points and reference keyframe; counts which points should have been seen and which were.
     """
-    assert frame.T_camera_map is not None
     keyframes = local_keyframes(sparse_map, frame)
     if not len(keyframes):
         return 0
@@ -194,7 +204,6 @@ def track_local_map(sparse_map: SparseMap, frame: Frame, settings: TrackingSetti
 
 def refine_pose(sparse_map: SparseMap, frame: Frame) -> int:
     """Optimise the pose of a frame on all points that it sees; return how many hold, and let go of the others."""
-    assert frame.T_camera_map is not None
     features = np.flatnonzero(frame.points >= 0)
     if len(features) < 3:
         return 0
