@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The map against plain Python: who sees what, merging, culling, what points look like."""
+"""The map and its kernels against plain Python twins: who sees what, merging, culling, what points look like."""
 
 import numpy as np
 import pytest

@@ -25,6 +25,8 @@ ROOMS = (
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "orbslam3.sparse_map",
+    "orbslam3.visible_points",
     "posegraph.drift",
     "posegraph.imu_integration",
     "posegraph.imu_preintegration",

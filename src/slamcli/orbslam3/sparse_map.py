@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from slamcli.orbslam3 import _map_kernels as kernels
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.rows import Rows
 from slamcli.vision.features import Features
-from slamcli.vision.matching import FeatureGrid
+from slamcli.vision.matching import FeatureGrid, feature_grid
 from slamcli.vision.pinhole import Pinhole
 
 Ids = NDArray[np.int64]
@@ -274,6 +273,21 @@ class SparseMap:
         return redundant / total if total else 0.0
 
 
-def moved(frame: Frame, T_camera_map: NDArray[np.float64]) -> Frame:
-    """Return the frame at another pose."""
-    return replace(frame, T_camera_map=T_camera_map)
+def warm() -> None:
+    """Compile the kernels of this module on tiny input."""
+    sparse_map = SparseMap(Pinhole(fx=1.0, fy=1.0, cx=0.0, cy=0.0, width=2, height=2), np.array([1.0, 1.2]))
+    two, none = np.zeros(2), np.full(2, np.nan)
+    features = Features(
+        pixels=np.zeros((2, 2)), raw_pixels=np.zeros((2, 2)), octaves=np.zeros(2, dtype=np.int64), angles=two, responses=two,
+        descriptors=np.zeros((2, 32), dtype=np.uint8), sigmas=np.ones(2), right=none, depth=none,
+    )  # fmt: skip
+    grid = feature_grid(features, sparse_map.camera)
+    for k in range(2):
+        unseen = np.full(2, -1, dtype=np.int64)
+        sparse_map.add_keyframe(Frame(number=k, stamp_ns=k, features=features, grid=grid, points=unseen), k - 1)
+    ids = sparse_map.add_points(np.ones((2, 3)), 0, np.arange(2))
+    sparse_map.seen[1] = ids
+    sparse_map.refresh_points(ids)
+    sparse_map.covisible(0)
+    sparse_map.redundancy(1, np.ones(2, dtype=np.bool_), sparse_map.count_observations(), 3)
+    sparse_map.merge_points(ids[:1], ids[1:])

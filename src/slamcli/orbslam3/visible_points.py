@@ -48,3 +48,11 @@ def visible_points(
         -2.0 if any_direction else _LEAST_COSINE, _SLACK,
     )  # fmt: skip
     return VisiblePoints(ids[rows], pixels, right, octaves, cosines, depths)
+
+
+def warm() -> None:
+    """Compile the kernels of this module on tiny input."""
+    one = np.zeros(1)
+    kernels.project_points(
+        np.zeros(1, dtype=np.int64), np.ones((1, 3)), np.ones((1, 3)), one, one, np.eye(4), np.ones(5), np.ones(4), 0.2, 8, 0.5, 1.2
+    )  # fmt: skip
