@@ -45,3 +45,7 @@ class PlaceSettings:
     worst_growth: float = 1.5
     """Factor by which the cost per observation may grow where the map was joined; more, and it is undone."""
     seed: int = 0
+
+    def is_worse(self, before: float, after: float) -> bool:
+        """Return whether the cost per observation has clearly grown: by the factor, and by more than noise explains."""
+        return after > self.worst_growth * before + 0.05
