@@ -100,7 +100,9 @@ class World:
                 T = np.eye(4) if start is None else start
             else:
                 T = T_true @ se3.inverse(self.truth[-1]) @ sparse_map.T_camera_map[k - 1]
-            ids = np.array([last_seen[t][0] if t in last_seen and k - last_seen[t][1] <= MEMORY else -1 for t in things])
+            ids = np.array(
+                [last_seen[t][0] if t in last_seen and k - last_seen[t][1] <= MEMORY else -1 for t in things]
+            )
             ids = sparse_map.resolved(ids)
             old = np.flatnonzero(ids >= 0)
             if k > 1:

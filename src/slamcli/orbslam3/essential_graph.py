@@ -38,7 +38,14 @@ def essential_pairs(sparse_map: SparseMap, shared: Ids, least: int) -> Ids:
 
 
 def spread_correction(
-    sparse_map: SparseMap, S_before: Floats, S_start: Floats, ties: Ids, new_ties: Ids, fixed: NDArray[np.bool_], *, fix_scale: bool
+    sparse_map: SparseMap,
+    S_before: Floats,
+    S_start: Floats,
+    ties: Ids,
+    new_ties: Ids,
+    fixed: NDArray[np.bool_],
+    *,
+    fix_scale: bool,
 ) -> Floats:
     """Return S_camera_map (K, 4, 4) of all keyframes once a correction of some is spread over the graph.
 

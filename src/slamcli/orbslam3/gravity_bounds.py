@@ -37,7 +37,9 @@ def upright_correction(
     return T_camera_map @ se3.from_rotation_translation(upright, moved - upright @ centre)
 
 
-def upright_joint(S_first_second: Floats, up_first: Floats, up_second: Floats, settings: PlaceSettings) -> Floats | None:
+def upright_joint(
+    S_first_second: Floats, up_first: Floats, up_second: Floats, settings: PlaceSettings
+) -> Floats | None:
     """Return the similarity (4, 4) of two inertial maps that lays the vertical of one exactly on the other's.
 
     None where the verticals differ by more than the bound, or the scale is out of its range. The origin of the second map

@@ -43,6 +43,10 @@ class Closure:
     """Added to the numbers of its points."""
 
 
+_PAUSE = 5
+"""Keyframes without a search after one whose result was undone; twice as many after the next, up to eight times."""
+
+
 class LoopClosing:
     """Looks for known places, closes loops and joins maps."""
 
@@ -50,6 +54,7 @@ class LoopClosing:
         self._settings, self._counts = settings, counts
         self._index = PlaceIndex(vocabulary)
         self._recognition = PlaceRecognition(self._index, settings, counts)
+        self._pause, self._waiting = _PAUSE, 0
 
     def insert(self, maps: list[SparseMap], keyframe: int, *, up: list[Floats | None] | None = None) -> Closure | None:
         """Look at the newest keyframe of the newest map; correct the maps if its place is known.
@@ -69,6 +74,9 @@ class LoopClosing:
         up = [None] * len(maps) if up is None else up
         place = Place(len(maps) - 1, keyframe)
         self._index.add(maps, place)
+        if self._waiting:
+            self._waiting -= 1
+            return None
         merge, loop = self._recognition.look(maps, keyframe)
         if merge is not None and (closure := self._merge(maps, merge, up)) is not None:
             return closure
@@ -78,11 +86,19 @@ class LoopClosing:
         """Begin another map."""
         self._recognition.forget()
 
+    def _wait(self) -> None:
+        """Let a place that looks like another, and is not, go by."""
+        self._recognition.forget()
+        self._waiting = self._pause
+        self._pause = min(2 * self._pause, 8 * _PAUSE)
+
     def _close(self, maps: list[SparseMap], match: PlaceMatch, up: Floats | None) -> Closure | None:
         outcome = correct_loop(maps[-1], match, self._settings, up_map=up)
         if not outcome.closed:
             self._counts["loops undone"] += 1
+            self._wait()
             return None
+        self._pause = _PAUSE
         self._recognition.forget()
         self._counts["loops closed"] += 1
         return Closure(
@@ -93,12 +109,12 @@ class LoopClosing:
 
     def _merge(self, maps: list[SparseMap], match: PlaceMatch, up: list[Floats | None]) -> Closure | None:
         number, newest = match.place.map_number, len(maps) - 1
-        outcome = merge_maps(
-            maps[number], maps[newest], match, self._settings, up_old=up[number], up_newer=up[newest]
-        )
+        outcome = merge_maps(maps[number], maps[newest], match, self._settings, up_old=up[number], up_newer=up[newest])
         if outcome.sparse_map is None:
             self._counts["merges undone"] += 1
+            self._wait()
             return None
+        self._pause = _PAUSE
         merged = outcome.sparse_map
         self._index.renumber(
             [

@@ -80,9 +80,7 @@ def correct_loop(
     new_ties = _new_ties(sparse_map, shared, connected, keyframe, other, settings.least_essential)
     fixed = np.zeros(sparse_map.num_keyframes, dtype=np.bool_)
     fixed[sparse_map.living_keyframes[0]] = True
-    S_after = spread_correction(
-        sparse_map, T_before, S_start, ties, new_ties, fixed, fix_scale=settings.fix_scale
-    )
+    S_after = spread_correction(sparse_map, T_before, S_start, ties, new_ties, fixed, fix_scale=settings.fix_scale)
     carry_along(sparse_map, S_start, S_after)
     sparse_map.loop_edges.append((other, keyframe))
     observed = observations_of(sparse_map, around)
@@ -110,9 +108,7 @@ def _connected(sparse_map: SparseMap, keyframe: int) -> Ids:
     return np.concatenate([[keyframe], neighbours]).astype(np.int64)
 
 
-def _new_ties(
-    sparse_map: SparseMap, shared_before: Ids, connected: Ids, keyframe: int, other: int, least: int
-) -> Ids:
+def _new_ties(sparse_map: SparseMap, shared_before: Ids, connected: Ids, keyframe: int, other: int, least: int) -> Ids:
     """Return the pairs (L, 2) of connected and other keyframes that fusion tied: the loop's own, and strong ones."""
     shared = shared_points(sparse_map)
     inside = np.zeros(sparse_map.num_keyframes, dtype=np.bool_)

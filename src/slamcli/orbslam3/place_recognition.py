@@ -75,14 +75,14 @@ class PlaceRecognition:
         if len(maps[number].living_keyframes) < self._settings.least_keyframes:
             return merge, None
         if merge is None or loop is None:
-            own, others = self._index.candidates(
-                maps, Place(number, keyframe), limit=self._settings.num_candidates
-            )
+            own, others = self._index.candidates(maps, Place(number, keyframe), limit=self._settings.num_candidates)
             merge = merge or self._search("merge", maps, keyframe, others)
             loop = loop or self._search("loop", maps, keyframe, own)
         return merge, loop
 
-    def _search(self, kind: str, maps: Sequence[SparseMap], keyframe: int, candidates: list[Place]) -> PlaceMatch | None:
+    def _search(
+        self, kind: str, maps: Sequence[SparseMap], keyframe: int, candidates: list[Place]
+    ) -> PlaceMatch | None:
         """Return the best match with a candidate if three neighbours agree; let it wait if fewer do."""
         if kind in self._pending:
             return None
@@ -142,9 +142,7 @@ class PlaceRecognition:
         verified = self._verify(sparse_map, keyframe, other, ids, refined)
         return PlaceMatch(keyframe=keyframe, place=place, S_camera_other=refined, points=points, verified=verified)
 
-    def _verify(
-        self, sparse_map: SparseMap, keyframe: int, other: SparseMap, ids: Ids, S_camera_other: Floats
-    ) -> int:
+    def _verify(self, sparse_map: SparseMap, keyframe: int, other: SparseMap, ids: Ids, S_camera_other: Floats) -> int:
         """Return how many neighbours of a keyframe find the region where the similarity puts it, three at most."""
         neighbours, _ = sparse_map.covisible(keyframe)
         T_map_camera = inverse(sparse_map.T_camera_map[keyframe])
@@ -180,6 +178,8 @@ class PlaceRecognition:
         other = maps[match.place.map_number]
         if not other.keyframe_alive[match.place.keyframe]:
             return None
+        if other is sparse_map and match.place.keyframe in sparse_map.covisible(keyframe)[0]:
+            return None  # they have grown together without help
         ids = other.points_of(region_around(other, match.place.keyframe, 2 * settings.region_size))
         S = sparse_map.T_camera_map[keyframe] @ inverse(pending.T_camera_map) @ match.S_camera_other
         search = (sparse_map, keyframe, other, ids)
@@ -192,9 +192,7 @@ class PlaceRecognition:
         points = project_region(*search, refined, radius=5.0, max_distance=_STRICT)
         if np.count_nonzero(points >= 0) < 100:
             return None
-        return replace(
-            match, keyframe=keyframe, S_camera_other=refined, points=points, verified=match.verified + 1
-        )
+        return replace(match, keyframe=keyframe, S_camera_other=refined, points=points, verified=match.verified + 1)
 
 
 def optimised(
@@ -262,6 +260,4 @@ def _seen_from(sparse_map: SparseMap, keyframe: int, ids: Ids, sigmas: Floats) -
 
 
 def _rows(side: SidedPoints, chosen: NDArray[np.bool_]) -> SidedPoints:
-    return SidedPoints(
-        points_camera=side.points_camera[chosen], pixels=side.pixels[chosen], sigmas=side.sigmas[chosen]
-    )
+    return SidedPoints(points_camera=side.points_camera[chosen], pixels=side.pixels[chosen], sigmas=side.sigmas[chosen])

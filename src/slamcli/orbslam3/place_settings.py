@@ -48,4 +48,4 @@ class PlaceSettings:
 
     def is_worse(self, before: float, after: float) -> bool:
         """Return whether the cost per observation has clearly grown: by the factor, and by more than noise explains."""
-        return after > self.worst_growth * before + 0.05
+        return after > self.worst_growth * before + 0.03

@@ -130,7 +130,13 @@ class SparseMap:
     def append(self, other: SparseMap) -> tuple[int, int]:
         """Append another map's keyframes and points, dead ones too; return what is added to the numbers of each."""
         keyframes, points = self.num_keyframes, self.num_points
-        shifts = {"seen": points, "replaced_by": points, "parent": keyframes, "reference": keyframes, "first_keyframe": keyframes}
+        shifts = {
+            "seen": points,
+            "replaced_by": points,
+            "parent": keyframes,
+            "reference": keyframes,
+            "first_keyframe": keyframes,
+        }
         for name, rows in self._columns.items():
             values = getattr(other, name)
             if name in shifts:
