@@ -127,6 +127,32 @@ class SparseMap:
         self.words.append(words)
         return k
 
+    def append(self, other: SparseMap) -> tuple[int, int]:
+        """Append another map's keyframes and points, dead ones too; return what is added to the numbers of each."""
+        keyframes, points = self.num_keyframes, self.num_points
+        shifts = {
+            "seen": points,
+            "replaced_by": points,
+            "parent": keyframes,
+            "reference": keyframes,
+            "first_keyframe": keyframes,
+        }
+        for name, rows in self._columns.items():
+            values = getattr(other, name)
+            if name in shifts:
+                values = np.where(values >= 0, values + shifts[name], values)
+            if values.ndim > 1:
+                rows.widen(values.shape[1])
+                whole = np.full((len(values), *rows.values.shape[1:]), rows.fill, dtype=rows.values.dtype)
+                whole[:, : values.shape[1]] = values
+                values = whole
+            rows.append(values)
+        self.grids += other.grids
+        self.words += other.words
+        self.counts += other.counts
+        self.loop_edges += [(a + keyframes, b + keyframes) for a, b in other.loop_edges]
+        return keyframes, points
+
     def remove_keyframe(self, keyframe: int) -> None:
         """Cull a keyframe that has a parent: it sees nothing any more, its children get another parent, and its pose hangs on its own parent's."""
         parent = int(self.parent[keyframe])
