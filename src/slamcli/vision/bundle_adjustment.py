@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import DataError
-from slamcli.vision import _bundle_kernels as kernels
+from slamcli.vision import _observation_kernels as kernels
 from slamcli.vision.bundle_problem import MONO_BOUND, STEREO_BOUND, BundleProblem, BundleResult
 from slamcli.vision.bundle_system import BundleState, BundleSystem
 from slamcli.vision.pinhole import Pinhole
