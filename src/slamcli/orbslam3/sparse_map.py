@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -211,18 +212,24 @@ class SparseMap:
         self, positions: NDArray[np.float64], keyframe: int, features: Ids, colours: NDArray[np.uint8] | None = None
     ) -> Ids:
         """Append points (N, 3), map frame, that features of a keyframe see; return their numbers."""
-        n, first = len(positions), self.num_points
-        ids = np.arange(first, first + n)
-        values: dict[str, Any] = {
+        n = len(positions)
+        ids = self.append_points({
             "positions": positions, "normals": np.zeros((n, 3)), "descriptors": self.key_descriptors[keyframe, features],
-            "near": np.zeros(n), "far": np.full(n, np.inf), "reference": np.full(n, keyframe), "point_alive": np.ones(n, dtype=np.bool_),
+            "near": np.zeros(n), "far": np.full(n, np.inf), "reference": np.full(n, keyframe),
             "visible": np.ones(n, dtype=np.int64), "found": np.ones(n, dtype=np.int64), "first_keyframe": np.full(n, keyframe),
-            "replaced_by": np.full(n, -1), "colours": np.full((n, 3), 128, dtype=np.uint8) if colours is None else colours,
-        }  # fmt: skip
-        for name, rows in values.items():
-            self._columns[name].append(rows)
+            "colours": np.full((n, 3), 128, dtype=np.uint8) if colours is None else colours,
+        })  # fmt: skip
         self.seen[keyframe, features] = ids
         return ids
+
+    def append_points(self, columns: Mapping[str, NDArray[Any]]) -> Ids:
+        """Append points given by their columns (N, ...), which nothing sees yet; return their numbers."""
+        n, first = len(columns["positions"]), self.num_points
+        for name, rows in columns.items():
+            self._columns[name].append(rows)
+        self._columns["point_alive"].append(np.ones(n, dtype=np.bool_))
+        self._columns["replaced_by"].append(np.full(n, -1))
+        return np.arange(first, first + n)
 
     def remove_points(self, ids: Ids) -> None:
         """Take points out of the map."""
