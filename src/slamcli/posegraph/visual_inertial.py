@@ -59,6 +59,7 @@ def adjust_visual_inertial(
         bundle=BundleState(
             poses=np.array(problem.bundle.T_camera_map[:, :3], np.float64, order="C"),
             points=np.array(problem.bundle.points, np.float64, order="C"),
+            camera=problem.bundle.camera.array,
         ),
         velocities=problem.velocities.copy(), biases=problem.biases.copy(), gravity=problem.gravity_map.copy(),
     )  # fmt: skip
