@@ -110,10 +110,10 @@ def _linear_start(
             rows[:, 0] = 0.0
         normal = rows.T @ rows
         normal += np.diag(1e-12 * np.diag(normal) + 1e-12)
-        found = np.linalg.solve(normal, rows.T @ values)
+        found: Floats = np.asarray(np.linalg.solve(normal, rows.T @ values), np.float64)
         # A scale that is negative or vanishes is none: the descent has to find it from 1.
         scale = 1.0 if settings.fixed_scale or not found[0] > 1e-6 else float(found[0])
-    gravity: Floats = found[1:4] * settings.gravity_m_s2 / max(float(np.linalg.norm(found[1:4])), 1e-9)
+    gravity = found[1:4] * settings.gravity_m_s2 / max(float(np.linalg.norm(found[1:4])), 1e-9)
     return scale, gravity, found[4:].reshape(-1, 3)
 
 
