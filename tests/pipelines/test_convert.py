@@ -8,7 +8,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from slamcli.errors import RecordingError, UsageError
-from slamcli.pipelines.convert import Selection, convert
+from slamcli.pipelines.conversion import Selection
+from slamcli.pipelines.convert import convert
 from slamcli.recordings.adapters import message_factory
 from slamcli.recordings.carmen import CarmenOptions
 from slamcli.recordings.containers import create_raw, open_raw

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from numpy.typing import NDArray
 
 from slamcli.cli.main import run
 from slamcli.geometry import quaternion
@@ -340,6 +341,10 @@ def test_gravity(tmp_path: Path, gravity: float, severity: str | None, guess: st
     assert [finding.stamp_ns for finding in turning] == ([START + 7 * S // 20] if severity is None else [])
 
 
+def _noise(stamp: int) -> NDArray[np.uint8]:
+    return np.random.default_rng(stamp // 10**6 % 10**6).integers(0, 256, (12, 16, 3), dtype=np.uint8)
+
+
 def _camera(stamp: int, focal: float = 50.0, width: int = 16) -> CameraModel:
     return CameraModel(
         stamp_ns=stamp,
@@ -362,12 +367,12 @@ class Camera(Robot):
         writer.write("/tf_static", _tf(START, "base_link", "camera"))
 
     def more(self, writer: RecordingWriter, i: int, stamp: int) -> None:
-        colour = Image(stamp_ns=stamp, frame_id="camera", encoding="rgb8", pixels=np.zeros((12, 16, 3), np.uint8))
+        colour = Image(stamp_ns=stamp, frame_id="camera", encoding="rgb8", pixels=_noise(stamp))
         depth = Image(
             stamp_ns=stamp + self.depth_late_ns,
             frame_id="camera",
             encoding="depth",
-            pixels=np.full((12, 16), self.depth_m, np.float32),
+            pixels=np.float32(self.depth_m) + _noise(stamp)[..., 0] / np.float32(1000),
         )
         writer.write("/camera/rgb/image_raw", colour, log_time_ns=stamp)
         writer.write("/camera/rgb/camera_info", _camera(stamp, self.focal, self.width), log_time_ns=stamp)

@@ -37,14 +37,13 @@ def half_mono(scene):
     return dataclasses.replace(scene, right=right)
 
 
-def naive_residuals(problem, poses, points):
+def naive_residuals(problem, poses, points, camera=scenes.CAMERA):
     """Whitened residuals of every observation, 0 for a right column that is not there."""
-    rows = []
-    for n, (k, j) in enumerate(zip(problem.camera_index, problem.point_index, strict=True)):
-        pixel, column = scenes.seen(poses[k], points[j][None])
-        e = np.append(pixel[0] - problem.pixels[n], column[0] - problem.right[n])
-        rows.append(np.nan_to_num(e) / problem.sigmas[n])
-    return np.array(rows)
+    k, j = problem.camera_index, problem.point_index
+    local = np.einsum("nij,nj->ni", poses[k, :3, :3], points[j]) + poses[k, :3, 3]
+    pixels = camera.project(local)
+    column = np.where(np.isnan(problem.right), 0.0, pixels[:, 0] - camera.bf / local[:, 2] - problem.right)
+    return np.column_stack([pixels - problem.pixels, column]) / problem.sigmas[:, None]
 
 
 def naive_minimum(problem):

@@ -82,14 +82,17 @@ def test_words_of_nothing_are_none():
     assert [len(column) for column in found] == [0, 0, 0]
 
 
-def test_matching_nodes_lie_four_levels_above_the_words_of_six():
-    def with_depth(depth):
+def test_matching_nodes_are_at_most_32_and_not_the_root():
+    def full(branching, depth):
+        counts = [branching**level for level in range(depth + 1)]
+        sizes = np.repeat([branching] * depth + [0], counts)
         return vocabulary(
-            branching=2, depth=depth, weighting="tf-idf", descriptors=np.zeros((3, 32), np.uint8),
-            num_children=np.array([2, 0, 0]), weights=np.ones(3),
+            branching=branching, depth=depth, weighting="tf-idf", descriptors=np.zeros((len(sizes), 32), np.uint8),
+            num_children=sizes, weights=np.ones(len(sizes)),
         )  # fmt: skip
 
-    assert [with_depth(depth).matching_level for depth in (1, 2, 3, 4, 5, 6, 7)] == [1, 2, 2, 2, 2, 2, 3]
+    levels = [full(*shape).matching_level for shape in ((10, 1), (10, 3), (40, 2), (2, 4), (2, 7), (5, 4))]
+    assert levels == [1, 1, 1, 4, 5, 2]
 
 
 @pytest.mark.parametrize("seed", [0, 1])

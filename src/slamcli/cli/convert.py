@@ -14,7 +14,7 @@ from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, verbosity_options
 
 if TYPE_CHECKING:
-    from slamcli.pipelines.convert import Conversion
+    from slamcli.pipelines.conversion import Conversion
 
 _FORMATS = ("rosbag1", "mcap", "rosbag2-mcap", "rosbag2-sqlite3", "sqlite3")
 
@@ -37,6 +37,11 @@ def _names(context: click.Context, parameter: click.Parameter, values: tuple[str
     "--encoding",
     type=click.Choice(("cdr", "ros1")),
     help="Messages in a plain MCAP file: ROS 2's (default) or ROS 1's.",
+)
+@click.option(
+    "--layout",
+    type=click.Choice(("tum", "euroc", "kitti")),
+    help="Write a data-set folder: TUM RGB-D, EuRoC (cameras and IMU) or KITTI odometry (rectified stereo).",
 )
 @click.option("--start", "start_s", type=float, help="Leave out so many seconds at the beginning.")
 @click.option("--duration", "duration_s", type=float, help="Convert so many seconds.")
@@ -61,7 +66,7 @@ def _names(context: click.Context, parameter: click.Parameter, values: tuple[str
     "--depth-scale",
     type=click.FloatRange(0, min_open=True),
     metavar="UNITS",
-    help="Data-set folders: raw depth units per metre.  [default: as the data set says]",
+    help="Raw depth units per metre of SRC, a data-set folder or with --layout.  [default: as SRC says]",
 )
 @json_option
 @verbosity_options
@@ -70,6 +75,7 @@ def command(
     format_: str | None,
     compression: str | None,
     encoding: str | None,
+    layout: str | None,
     start_s: float | None,
     duration_s: float | None,
     topics: tuple[str, ...],
@@ -97,11 +103,15 @@ def command(
     slamcli convert intel.clf.gz intel.mcap
     slamcli convert drive.bag drive_ros2
     slamcli convert drive_0.bag drive_1.bag drive.mcap --topics /scan,/odom,/tf,/tf_static
+    slamcli convert rgbd_dataset_freiburg1_desk desk.mcap
+    slamcli convert desk.mcap desk_folder --layout tum
     slamcli convert state.pbstream path.tum
     """  # noqa: D301 (click wants the character)
     from slamcli.errors import UsageError
     from slamcli.formats.pbstream.container import is_pbstream
-    from slamcli.pipelines.convert import Selection, convert
+    from slamcli.pipelines.conversion import Selection
+    from slamcli.pipelines.convert import convert
+    from slamcli.pipelines.convert_folder import convert_to_folder
     from slamcli.pipelines.trajectories import parse_source
     from slamcli.recordings.breezy import BreezyOptions
     from slamcli.recordings.carmen import CarmenOptions
@@ -125,21 +135,29 @@ def command(
     if wheels:
         robot |= dict(zip(("wheel_radius_m", "half_axle_m", "ticks_per_turn"), wheels, strict=True))
     breezy = BreezyOptions(**{name: value for name, value in robot.items() if value is not None})
+    selection = Selection(start_s=start_s, duration_s=duration_s, topics=topics, exclude_topics=exclude_topics)
+    if layout is not None and (format_ or compression or encoding):
+        raise UsageError("--layout writes a folder of images: --format, --compression and --encoding are for bags")
     began = time.perf_counter()
     with Console(verbosity) as console:
         log = RunLog(console)
-        conversion = convert(
-            paths[:-1],
-            paths[-1],
-            format=format_,
-            compression=compression,
-            encoding=encoding,
-            selection=Selection(start_s=start_s, duration_s=duration_s, topics=topics, exclude_topics=exclude_topics),
-            carmen=carmen,
-            breezy=breezy,
-            depth_units_per_m=depth_scale,
-            log=log,
-        )
+        if layout is not None:
+            conversion = convert_to_folder(
+                paths[:-1], paths[-1], layout, selection=selection, depth_units_per_m=depth_scale, log=log
+            )
+        else:
+            conversion = convert(
+                paths[:-1],
+                paths[-1],
+                format=format_,
+                compression=compression,
+                encoding=encoding,
+                selection=selection,
+                carmen=carmen,
+                breezy=breezy,
+                depth_units_per_m=depth_scale,
+                log=log,
+            )
         console.tell(log)
         seconds = time.perf_counter() - began
         if as_json:

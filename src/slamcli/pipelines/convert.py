@@ -4,15 +4,14 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import os
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from slamcli.errors import RecordingError, UsageError
+from slamcli.pipelines.conversion import Conversion, Selection
 from slamcli.pipelines.output_record import write_output_record
 from slamcli.recordings.breezy import BreezyOptions, read_breezy
 from slamcli.recordings.carmen import CarmenOptions, read_carmen
@@ -28,71 +27,6 @@ from slamcli.recordings.writing import RecordingWriter
 from slamcli.runtime import RunLog
 
 _PROGRESS_EVERY = 1000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Selection:
-    """Which part of a recording to convert."""
-
-    start_s: float | None = None
-    """Seconds of log time from the recording's start."""
-    duration_s: float | None = None
-    topics: tuple[str, ...] = ()
-    """Only these topics; all if empty."""
-    exclude_topics: tuple[str, ...] = ()
-
-    def chooses(self, topic: str) -> bool:
-        """Return whether a topic is to be converted."""
-        return (not self.topics or topic in self.topics) and topic not in self.exclude_topics
-
-    def check(self, known: Collection[str]) -> None:
-        """Raise UsageError if a topic is named that the recording has not, or no topic is left."""
-        for name in (*self.topics, *self.exclude_topics):
-            if name not in known:
-                near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or sorted(known)[:8]
-                raise UsageError(f"no topic {name!r} in the recording; it has {', '.join(near) or 'none'}")
-        if known and not any(map(self.chooses, known)):
-            raise UsageError("no topic is left to convert")
-
-    def window_ns(self, start_ns: int, length_s: float | None = None) -> tuple[int | None, int | None]:
-        """Return the log times (from, before) for a recording that starts at `start_ns`.
-
-        Raises
-        ------
-        UsageError
-            If the part is empty or begins after the recording's end.
-        """
-        start_s = self.start_s or 0.0
-        if not 0 <= start_s < 1e9 or (length_s is not None and start_s > length_s):
-            lasts = "" if length_s is None else f": the recording lasts {length_s:.1f} s"
-            raise UsageError(f"--start {start_s:g} lies outside of the recording{lasts}")
-        if self.duration_s is not None and not 0 < self.duration_s < 1e9:
-            raise UsageError(f"--duration {self.duration_s:g} must be more than 0 s")
-        first = start_ns + round(start_s * 1e9)
-        stop = None if self.duration_s is None else first + round(self.duration_s * 1e9)
-        return (None if self.start_s is None else first), stop
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conversion:
-    """What was converted."""
-
-    sources: tuple[Path, ...]
-    source_format: str
-    target: Path
-    format: str
-    compression: str
-    size_bytes: int
-    topics: tuple[Topic, ...]
-    """The target's topics with the number of messages written."""
-    num_messages: int
-    start_ns: int | None
-    end_ns: int | None
-    record: Path
-    """The run's record, beside the target."""
-    num_lost: int
-    """Messages that could not be converted (their bytes were not what their type says)."""
-    damage: tuple[str, ...]
 
 
 def convert(
@@ -134,7 +68,7 @@ def convert(
     log = log or RunLog()
     selection = selection or Selection()
     paths = [Path(source) for source in sources]
-    _check_target(paths, Path(target))
+    check_target(paths, Path(target))
     writer = create_raw(target, format=format, compression=compression)
     if encoding is not None and writer.encoding not in (None, encoding):
         raise UsageError(f"{writer.format} holds {writer.encoding} messages; --encoding is for plain MCAP files")
@@ -152,6 +86,8 @@ def convert(
         contents = dataclasses.replace(contents, paths=tuple(paths), format=classic)
     made = _conversion(contents, writer, copy.num_lost if classic == "" else 0)
     given = {"format": format, "compression": compression, "encoding": encoding, **dataclasses.asdict(selection)}
+    if depth_units_per_m is not None:
+        given["depth_scale"] = depth_units_per_m
     given |= dataclasses.asdict(carmen or CarmenOptions()) if classic == "carmen" else {}
     given |= dataclasses.asdict(breezy or BreezyOptions()) if classic == "breezy" else {}
     _write_record(made, given, log)
@@ -178,6 +114,11 @@ def _write_record(made: Conversion, given: dict[str, Any], log: RunLog) -> None:
     )
 
 
+def write_conversion_record(made: Conversion, given: dict[str, Any], selection: Selection, log: RunLog) -> None:
+    """Write what was converted beside the target."""
+    _write_record(made, given | dataclasses.asdict(selection), log)
+
+
 def _conversion(contents: Contents, writer: FileWriter, num_lost: int) -> Conversion:
     start_ns, end_ns = writer.times_ns or (None, None)
     return Conversion(
@@ -199,7 +140,8 @@ def _conversion(contents: Contents, writer: FileWriter, num_lost: int) -> Conver
     )
 
 
-def _check_target(sources: Sequence[Path], target: Path) -> None:
+def check_target(sources: Sequence[Path], target: Path) -> None:
+    """Raise UsageError if writing the target would touch a source."""
     resolved = target.resolve()
     for source in sources:
         if source.resolve() == resolved:

@@ -18,17 +18,35 @@ from slamcli import __version__
 from slamcli.runtime import RunLog, peak_memory_bytes
 
 _BLOCK = 1 << 20
+_MANY_FILES = 20
 _LIBRARIES = ("numpy", "numba", "scipy", "rosbags", "mcap")
 
 
 def describe_inputs(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """Return name, size and SHA-256 of each file; a folder counts as its files, in the order of their names."""
-    files = [
-        file
-        for path in paths
-        for file in (sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path])
-    ]
-    return [{"name": file.name, "size_bytes": file.stat().st_size, "sha256": _digest(file)} for file in files]
+    """Return name, size and SHA-256 of each file; a folder counts as its files, in the order of their names.
+
+    A folder of many files (a data set) is one entry: the number of its files, and the digest over their names and digests.
+    """
+    described: list[dict[str, Any]] = []
+    for path in paths:
+        files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+        if len(files) > _MANY_FILES:
+            described.append(_describe_folder(path, files))
+        else:
+            described += [{"name": f.name, "size_bytes": f.stat().st_size, "sha256": _digest(f)} for f in files]
+    return described
+
+
+def _describe_folder(folder: Path, files: Sequence[Path]) -> dict[str, Any]:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(f"{file.relative_to(folder).as_posix()} {_digest(file)}\n".encode())
+    return {
+        "name": folder.resolve().name,
+        "files": len(files),
+        "size_bytes": sum(file.stat().st_size for file in files),
+        "sha256": digest.hexdigest(),
+    }
 
 
 def run_document(

@@ -110,7 +110,7 @@ def _from_recording(source: Source, mends: Mends, log: RunLog) -> Trajectory:
         name = f"{source.path}:{source.part}"
         if arrow:
             return _from_frames(recording, frame.strip().lstrip("/"), child.strip().lstrip("/"), name, log)
-        return _from_topic(recording, source.part, name, log)
+        return trajectory_of_topic(recording, source.part, name, log)
 
 
 def _with_truth(source: Source, recording: Recording, log: RunLog) -> Source:
@@ -137,7 +137,14 @@ def _choices(recording: Recording) -> str:
     )
 
 
-def _from_topic(recording: Recording, topic: str, name: str, log: RunLog) -> Trajectory:
+def trajectory_of_topic(recording: Recording, topic: str, name: str, log: RunLog) -> Trajectory:
+    """Return the poses of a topic.
+
+    Raises
+    ------
+    InputError
+        If they are no poses, of several frames, or none; `name` stands for the topic in the message.
+    """
     stamps, positions, quats, frames = array("q"), array("d"), array("d"), dict[tuple[str, str], int]()
     path: Trajectory | None = None
     for measurement in recording.measurements([topic]):

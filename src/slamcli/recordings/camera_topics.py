@@ -102,7 +102,7 @@ def find_camera_topics(recording: Recording, names: CameraNames) -> CameraTopics
     if not colour:
         raise RecordingError(f"{recording.name}: no camera images ({_what_there_is(recording)})")
     pair = None if names.rgb or names.depth else _pair(colour)
-    depth.sort(key=lambda image: _depth_rank(image, colour[0]))
+    depth.sort(key=lambda image: depth_rank(image, colour[0]))
     modes = {"mono"} if names.depth is None else set()
     modes |= ({"stereo"} if pair is not None else set()) | ({"rgbd"} if depth else set())
     return CameraTopics(colour=tuple(colour), depth=tuple(depth), pair=pair, modes=frozenset(modes))
@@ -216,7 +216,7 @@ def _colour_rank(image: Image) -> tuple[bool, bool, bool]:
     )
 
 
-def _depth_rank(image: Image, colour: Image) -> tuple[bool, bool, bool, bool]:
+def depth_rank(image: Image, colour: Image) -> tuple[bool, bool, bool, bool]:
     """Registered depth first: of the colour camera's frame and size, or named so."""
     name = image.topic.lower()
     return (

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,16 @@ from slamcli.recordings.topic_decoder import DECODING_ERRORS, channels_of
 
 Listener = Callable[[Any, Any], None]
 """What wants to see a topic's messages: called with the message and its first measurement."""
+
+
+class Watcher(Protocol):
+    """What looks at every message of a topic and wants to see some of them decoded."""
+
+    def glance(self, raw: RawMessage, message: Any) -> bool:
+        """Look at a message; return whether its measurement is to be seen."""
+
+    def see(self, message: Any, measurement: Any) -> None:
+        """See a message and its first measurement."""
 
 
 @dataclass(slots=True)
@@ -74,6 +84,7 @@ def survey(
     start_ns: int | None = None,
     stop_ns: int | None = None,
     listeners: dict[type, Callable[[Topic], Listener | None]] | None = None,
+    watchers: Mapping[type, Callable[[Topic], Watcher]] | None = None,
 ) -> dict[str, TopicSurvey]:
     """Return what a pass over a recording shows, by topic.
 
@@ -86,11 +97,13 @@ def survey(
     listeners
         By measurement type: makes a listener for a topic of that type. Every message of such a topic is decoded; of
         other topics only the first one is.
+    watchers
+        By measurement type, like `listeners`, for topics of which only some messages are worth decoding.
     """
     wanted = [topic for topic in recording.contents.topics if topics is None or topic.name in topics]
     found: dict[str, _Reader] = {}
     for topic in wanted:
-        found.setdefault(topic.name, _Reader(topic, recording, listeners or {}))
+        found.setdefault(topic.name, _Reader(topic, recording, listeners or {}, watchers or {}))
     if not found:
         return {}
     for number, message in enumerate(recording.raw.messages(tuple(found), start_ns, stop_ns)):
@@ -104,7 +117,11 @@ class _Reader:
     """Notes and, where someone listens, decodes the messages of one topic."""
 
     def __init__(
-        self, topic: Topic, recording: Recording, listeners: dict[type, Callable[[Topic], Listener | None]]
+        self,
+        topic: Topic,
+        recording: Recording,
+        listeners: Mapping[type, Callable[[Topic], Listener | None]],
+        watchers: Mapping[type, Callable[[Topic], Watcher]],
     ) -> None:
         adapter = adapter_for(topic.msgtype)
         self.result = TopicSurvey(topic, adapter)
@@ -113,6 +130,8 @@ class _Reader:
         self._stamp = stamp_reader(adapter.stamp_path if adapter else "none", topic.encoding)
         make = listeners.get(adapter.produces) if adapter else None
         self._listener = make(topic) if make else None
+        watch = watchers.get(adapter.produces) if adapter else None
+        self._watcher = watch(topic) if watch else None
         self._channels = channels_of(topic, recording.contents)
 
     def take(self, message: RawMessage) -> None:
@@ -126,15 +145,19 @@ class _Reader:
             stamp = message.log_time_ns
         stamp += self._context.offset_ns
         result.see(stamp, message)
-        if result.adapter is None or (self._listener is None and (result.first is not None or result.num_garbage > 3)):
+        idle = self._listener is None and self._watcher is None
+        if result.adapter is None or (idle and (result.first is not None or result.num_garbage > 3)):
             return
         try:
             decoded = self._raw.decode(message)
+            if self._watcher is not None and not self._watcher.glance(message, decoded):
+                return
             measurements = result.adapter.decode(decoded, stamp, self._context)
             if measurements:
                 result.first = result.first if result.first is not None else measurements[0]
-                if self._listener is not None:
-                    self._listener(decoded, measurements[0])
+                for see in (self._listener, None if self._watcher is None else self._watcher.see):
+                    if see is not None:
+                        see(decoded, measurements[0])
         except DECODING_ERRORS as error:
             result.num_garbage += 1
             result.garbage = result.garbage or str(error)

@@ -63,8 +63,11 @@ def _(transform: FrameTransform) -> str:
 
 @describe.register
 def _(camera: CameraModel) -> str:
-    k = camera.intrinsics
-    return f"{camera.width} x {camera.height}, fx {k[0, 0]:.1f} fy {k[1, 1]:.1f} cx {k[0, 2]:.1f} cy {k[1, 2]:.1f}"
+    k, p = camera.intrinsics, camera.projection
+    distorted = f", {camera.distortion_model}" * bool(camera.distortion.any())
+    shifted = f", baseline {-p[0, 3] / p[0, 0]:.3f} m" if p[0, 3] and p[0, 0] else ""
+    size = f"{camera.width} x {camera.height}"
+    return f"{size}, fx {k[0, 0]:.1f} fy {k[1, 1]:.1f} cx {k[0, 2]:.1f} cy {k[1, 2]:.1f}{distorted}{shifted}"
 
 
 @describe.register

@@ -61,7 +61,7 @@ def shade(
     Slants are cosines of the angle between ray and normal.
     """
     channels = light.shape[1]
-    ray, step, mean = np.empty(3), np.empty((2, 2)), np.empty(channels)
+    ray, turned, step, mean = np.empty(3), np.empty(3), np.empty((2, 2)), np.empty(channels)
     for i in range(faces.shape[0]):
         face, row = faces[i], pixels[i]
         for k in range(3):
@@ -90,24 +90,16 @@ def shade(
             v += maps[face, 1, k] * at
         for j in range(2):
             change = right if j == 0 else down
-            turn = 0.0
-            for k in range(3):
-                side = (
-                    rotations[row, k, 0] * change[i, 0]
-                    + rotations[row, k, 1] * change[i, 1]
-                    + rotations[row, k, 2] * change[i, 2]
-                )
-                turn += planes[face, k] * side
+            sx, sy, sz = change[i, 0], change[i, 1], change[i, 2]
+            turned[0] = rotations[row, 0, 0] * sx + rotations[row, 0, 1] * sy + rotations[row, 0, 2] * sz
+            turned[1] = rotations[row, 1, 0] * sx + rotations[row, 1, 1] * sy + rotations[row, 1, 2] * sz
+            turned[2] = rotations[row, 2, 0] * sx + rotations[row, 2, 1] * sy + rotations[row, 2, 2] * sz
+            turn = (nx * turned[0] + ny * turned[1] + nz * turned[2]) / towards
             step[j, 0] = step[j, 1] = 0.0
             for k in range(3):
-                side = (
-                    rotations[row, k, 0] * change[i, 0]
-                    + rotations[row, k, 1] * change[i, 1]
-                    + rotations[row, k, 2] * change[i, 2]
-                )
-                moved = distance * (side - ray[k] * turn / towards)
-                step[j, 0] += maps[face, 0, k] * moved / texel_m
-                step[j, 1] += maps[face, 1, k] * moved / texel_m
+                moved = distance * (turned[k] - ray[k] * turn) / texel_m
+                step[j, 0] += maps[face, 0, k] * moved
+                step[j, 1] += maps[face, 1, k] * moved
         wide = math.sqrt(step[0, 0] ** 2 + step[0, 1] ** 2)
         tall = math.sqrt(step[1, 0] ** 2 + step[1, 1] ** 2)
         longer = 0 if wide >= tall else 1

@@ -86,6 +86,7 @@ class CameraRig:
         self._make_scene, self._ride, self._parameters, self._seed, self._stamp_ns = scene, ride, p, seed, stamp_ns
         self.cameras = _cameras(p)
         self._optics: dict[tuple[int, int], Optics] = {}
+        self._last: tuple[tuple[str, float, int, int], View] | None = None
         self._swing = exposure.Swing(p, self._draws("swing", 0))
         self._optics_of(p.camera_width, p.camera_height)  # says what is wrong with the lens before anything is written
 
@@ -173,14 +174,19 @@ class CameraRig:
         return total / np.float32(count)
 
     def _view(self, camera: Camera, time_s: float, width: int, height: int) -> View:
-        """Return what a perfect camera sees, each row at its own time."""
+        """Return what a perfect camera sees, each row at its own time; the last view is kept, for depth after colours."""
+        wanted = (camera.name, time_s, width, height)
+        if self._last is not None and self._last[0] == wanted:
+            return self._last[1]
         rows = np.arange(height) / max(height - 1, 1) - 0.5
         positions, rotations = self._ride.at(time_s + rows * self._parameters.camera_readout)
-        return self._scene.view(
+        view = self._scene.view(
             self._optics_of(width, height),
             np.ascontiguousarray(rotations @ camera.rotation),
             positions + rotations @ camera.position,
         )
+        self._last = wanted, view
+        return view
 
     def _optics_of(self, width: int, height: int) -> Optics:
         if (width, height) not in self._optics:

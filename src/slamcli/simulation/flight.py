@@ -12,6 +12,7 @@ from slamcli.geometry import quaternion
 from slamcli.simulation.drive import TICK_S, Motion
 from slamcli.simulation.parameters import SimulationParameters
 from slamcli.simulation.ride import Ride
+from slamcli.simulation.space import Space
 from slamcli.simulation.world import CarriedPath
 
 Array = NDArray[np.float64]
@@ -41,8 +42,7 @@ class Flight(Ride):
         """
         p = parameters
         poses = np.concatenate([path.poses, path.poses[:1]]) if path.closed else path.poses.copy()
-        if path.closed:
-            poses[-1, 3:] += 2 * np.pi * np.rint((poses[-2, 3:] - poses[-1, 3:]) / (2 * np.pi))
+        poses[:, 3:] = np.unwrap(poses[:, 3:], axis=0)
         steps = np.diff(poses, axis=0)
         seconds = np.maximum(
             np.linalg.norm(steps[:, :3], axis=1) / p.robot_speed,
@@ -52,6 +52,7 @@ class Flight(Ride):
             raise ConfigError("path: two poses that follow each other are the same")
         times = np.concatenate([[0.0], np.cumsum(seconds)])
         self._round_s = float(times[-1]) if path.closed else np.inf
+        # What a round adds: a full turn of the yaw, perhaps
         self._growth = poses[-1] - poses[0] if path.closed else np.zeros(6)
         drift = (times / times[-1])[:, None] * self._growth
         smooth = poses - drift
@@ -141,6 +142,15 @@ class Flight(Ride):
         steps = np.gradient(plan, TICK_S, axis=0) if len(plan) > 1 else np.zeros_like(plan)
         forward = np.cos(plan[:, 2]) * steps[:, 0] + np.sin(plan[:, 2]) * steps[:, 1]
         return Motion(plan, np.column_stack([forward, steps[:, 2]]))
+
+
+def first_crossing(space: Space, points: Array) -> int | None:
+    """Return the first of points (N, 3) after which the way to the next passes through something, None if all is clear."""
+    steps = np.diff(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    ranges = space.cast(points[:-1], steps / np.maximum(lengths, 1e-12)[:, None], float(lengths.max(initial=0.0)) + 1.0)
+    crossed = np.flatnonzero(ranges[:, 0] <= lengths)
+    return int(crossed[0]) if len(crossed) else None
 
 
 def _eased(x: Array) -> Array:

@@ -97,12 +97,11 @@ class Scene:
         _render_kernels.find_edges(seen, edges)
         at = np.flatnonzero(edges)
         if len(at):
-            mean = np.zeros((len(at), light.shape[1]))
             wide, tall = right[at], down[at]
-            for x, y in _SAMPLES:
-                beside = ahead[at] + x * wide + y * tall
-                mean += self._look(beside, wide / 2, tall / 2, rows[at], rotations, positions)[1]
-            light[at] = mean / len(_SAMPLES)
+            beside = np.concatenate([ahead[at] + x * wide + y * tall for x, y in _SAMPLES])
+            wide, tall = (np.tile(step / 2, (len(_SAMPLES), 1)) for step in (wide, tall))
+            samples = self._look(beside, wide, tall, np.tile(rows[at], len(_SAMPLES)), rotations, positions)[1]
+            light[at] = samples.reshape(len(_SAMPLES), len(at), -1).mean(axis=0)
         return View(
             light=light.astype(np.float32).reshape(height, width, -1),
             depth_m=(distances * ahead[:, 2]).reshape(height, width),

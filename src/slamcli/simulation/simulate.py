@@ -18,11 +18,11 @@ from slamcli.measurements import FrameTransform, ImuSample, Odometry
 from slamcli.simulation import drive as driving
 from slamcli.simulation import free_space, imu, laser, lidar3d, odometry
 from slamcli.simulation.camera import CameraRig
-from slamcli.simulation.flight import Flight
+from slamcli.simulation.flight import Flight, first_crossing
 from slamcli.simulation.message import Message
 from slamcli.simulation.parameters import SimulationParameters
 from slamcli.simulation.people import Crowd
-from slamcli.simulation.relief import flat_relief
+from slamcli.simulation.relief import Relief, flat_relief
 from slamcli.simulation.render import Scene
 from slamcli.simulation.ride import Ride
 from slamcli.simulation.space import Space
@@ -64,10 +64,11 @@ class Simulation:
         self.crowd = Crowd(world, self.motion, parameters, [self._stream(f"person {i}") for i in range(count)])
         self._space: Space | None = None
         if world.relief is not None or parameters.lidar3d_enabled:
-            self._space = Space(world.relief or flat_relief(world.segments, world.circles, world.bounds))
+            self._space = Space(self._relief())
         self._rig: CameraRig | None = None
         if parameters.camera_kind != "none":
             self._rig = CameraRig(lambda: self._scene, self.ride, parameters, seed, self._stamp_ns)
+            self._check_way(self._rig.cameras[0].position)
         self.slips_s = odometry.slip_episodes(self.motion, parameters, self._stream("slip"))
         self.scan_times_s, self.cloud_times_s = np.zeros(0), np.zeros(0)
         if parameters.laser_enabled:
@@ -121,9 +122,10 @@ class Simulation:
     @cached_property
     def _scene(self) -> Scene:
         p = self.parameters
-        relief = self.world.relief or flat_relief(self.world.segments, self.world.circles, self.world.bounds)
         is_grey = self._rig is not None and not self._rig.is_coloured
-        return Scene(relief, seed=p.texture_seed, texel_m=p.texture_texel, plain_share=p.texture_plain, grey=is_grey)
+        return Scene(
+            self._relief(), seed=p.texture_seed, texel_m=p.texture_texel, plain_share=p.texture_plain, grey=is_grey
+        )
 
     def _moved(self, duration_s: float | None) -> Ride:
         world, p = self.world, self.parameters
@@ -131,6 +133,24 @@ class Simulation:
             return Flight(world.path, p, duration_s, self._stream("flight"))
         motion = driving.drive(world, p, duration_s, self._stream("drive"))
         return Ride(motion, None if world.relief is None else world.relief.ground)
+
+    def _relief(self) -> Relief:
+        return self.world.relief or flat_relief(self.world.segments, self.world.circles, self.world.bounds)
+
+    def _check_way(self, mount: Array) -> None:
+        """Refuse a path on which what is mounted at `mount` (3,) of the base passes through something."""
+        if self.world.path is None:
+            return
+        times = self.motion.times_s
+        positions, rotations = self.ride.at(times)
+        points = positions + rotations @ mount
+        at = first_crossing(Space(self._relief()), points)
+        if at is not None:
+            x, y, z = points[at]
+            raise ConfigError(
+                f"world {self.world.name}: path: the camera passes through something at {x:.2f}, {y:.2f}, {z:.2f} after "
+                f"{times[at]:.1f} s: move the poses there away from it"
+            )
 
     def _stream(self, name: str) -> np.random.Generator:
         return np.random.default_rng([self._seed, zlib.crc32(name.encode())])
@@ -222,11 +242,12 @@ class Simulation:
     def _inertial(self) -> Iterator[Message]:
         times = self._times(self.parameters.imu_rate)
         angular, force = imu.inertial(self.ride, times, self.parameters, self._stream("imu"))
-        for stamp, turn, pull in zip(self._stamps_ns(times).tolist(), angular, force, strict=True):
+        stamps = self._stamps_ns(times, self.parameters.clock_imu_offset).tolist()
+        for stamp, log, turn, pull in zip(stamps, self._stamps_ns(times).tolist(), angular, force, strict=True):
             sample = ImuSample(
                 stamp_ns=stamp, frame_id=imu.FRAME, angular_rad_s=turn, acceleration_m_s2=pull, topic=imu.TOPIC
             )
-            yield Message(stamp, imu.TOPIC, sample)
+            yield Message(log, imu.TOPIC, sample)
 
 
 def _in_order(messages: Iterator[Message], late_ns: int) -> Iterator[Message]:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from slamcli.simulation import _texture_kernels
 
-_FIGURE_CELL = 45.0
+_FIGURE_CELL = 34.0
 """One figure for each square of so many texels a side, on a busy surface."""
-_SMALLEST, _LARGEST = 5.0, 70.0
+_SMALLEST, _LARGEST = 4.0, 70.0
 _POSTER_CELL = 420.0
 _OCTAVES = ((256.0, 26.0), (64.0, 18.0), (16.0, 12.0), (5.0, 9.0))
 """Texels between values, and amplitude in grey levels, of the noise."""

@@ -20,63 +20,6 @@ BEHIND = 1e8  # chi2 of a point behind the camera, so that no step gains by putt
 
 
 @njit(cache=True, nogil=True)
-def sort_stably(keys, size, order, starts):
-    """Fill `order` (M,) with a stable order by `keys` (values below `size`), and `starts` (size + 1,) of each key."""
-    starts[:] = 0
-    for n in range(len(keys)):
-        starts[keys[n] + 1] += 1
-    for k in range(size):
-        starts[k + 1] += starts[k]
-    ends = starts[:size].copy()
-    for n in range(len(keys)):
-        order[ends[keys[n]]] = n
-        ends[keys[n]] += 1
-
-
-@njit(cache=True, nogil=True)
-def mark_pairs(starts, columns, pairs):
-    """Set `pairs` [a, b] for free cameras a <= b (columns (M,) by point, -1: fixed) that see a point together."""
-    for p in range(len(starts) - 1):
-        for m in range(starts[p], starts[p + 1]):
-            a = columns[m]
-            if a < 0:
-                continue
-            for n in range(m, starts[p + 1]):
-                b = columns[n]
-                if b >= a:
-                    pairs[a, b] = True
-                elif b >= 0:
-                    pairs[b, a] = True
-
-
-@njit(cache=True, nogil=True)
-def move_cameras(poses, ranks, steps, out):
-    """Write [Exp(phi) | rho] pose of each camera with a rank to `out` (C, 3, 4); the others stay."""
-    for k in range(len(poses)):
-        rank = ranks[k]
-        if rank < 0:
-            out[k] = poses[k]
-            continue
-        x, y, z = steps[rank, 0], steps[rank, 1], steps[rank, 2]
-        square = x * x + y * y + z * z
-        angle = math.sqrt(square)
-        if angle < 1e-5:
-            a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
-        else:
-            a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / square
-        r00, r01, r02 = 1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y
-        r10, r11, r12 = b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x
-        r20, r21, r22 = b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)
-        for j in range(4):
-            p0, p1, p2 = poses[k, 0, j], poses[k, 1, j], poses[k, 2, j]
-            out[k, 0, j] = r00 * p0 + r01 * p1 + r02 * p2
-            out[k, 1, j] = r10 * p0 + r11 * p1 + r12 * p2
-            out[k, 2, j] = r20 * p0 + r21 * p1 + r22 * p2
-        for i in range(3):
-            out[k, i, 3] += steps[rank, 3 + i]
-
-
-@njit(cache=True, nogil=True)
 def _loss(chi2, bound, robust):
     """Huber's loss of a squared residual, or the square."""
     if robust and chi2 > bound:
@@ -106,29 +49,12 @@ def _point_cost(begin, end, cameras, measured, weights, poses, x, y, z, camera, 
 
 
 @njit(cache=True, nogil=True)
-def squares(cameras, point_of, measured, weights, poses, points, camera, chi2, ahead):
-    """Fill chi2 (M,) and whether the point lies ahead of the camera (M,); inf behind."""
-    for m in range(len(cameras)):
-        k, p = cameras[m], point_of[m]
-        begin = poses[k]
-        x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        cz = begin[2, 0] * x + begin[2, 1] * y + begin[2, 2] * z + begin[2, 3]
-        ahead[m] = cz > NEAREST
-        if not ahead[m]:
-            chi2[m] = np.inf
-            continue
-        u = camera[0] * (begin[0, 0] * x + begin[0, 1] * y + begin[0, 2] * z + begin[0, 3]) / cz + camera[2]
-        v = camera[1] * (begin[1, 0] * x + begin[1, 1] * y + begin[1, 2] * z + begin[1, 3]) / cz + camera[3]
-        eu, ev = u - measured[m, 0], v - measured[m, 1]
-        er = 0.0 if math.isnan(measured[m, 2]) else u - camera[4] / cz - measured[m, 2]
-        chi2[m] = weights[m] * (eu * eu + ev * ev + er * er)
-
-
-@njit(cache=True, nogil=True)
 def _observe(pose, x, y, z, measured, weight, camera, robust, out):
     """Projection of one point: A = J'J (a00, a02, a11, a12, a22; a01 is 0) and J'e by the point in the camera's frame.
 
-    `out` (11,) takes these eight, weighted, and the point there. Returns half the loss; behind the camera A is 0.
+    `out` (21,) takes these eight, weighted, the point there, the weight, 1 or 0 for a right column, the three errors, and
+    the derivatives by x, y and z of column, row and right column that are neither 0 nor the same.
+    Returns half the loss; behind the camera all but the point is 0.
     """
     cx = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
     cy = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
@@ -138,6 +64,8 @@ def _observe(pose, x, y, z, measured, weight, camera, robust, out):
     out[8], out[9], out[10] = cx, cy, cz
     if not cz > NEAREST:
         for i in range(8):
+            out[i] = 0.0
+        for i in range(11, 21):
             out[i] = 0.0
         return 0.5 * _loss(BEHIND, bound, robust)
     inverse = 1.0 / cz
@@ -159,6 +87,8 @@ def _observe(pose, x, y, z, measured, weight, camera, robust, out):
     out[5] = weight * (jx * eu + jr * er)
     out[6] = weight * (jy * ev)
     out[7] = weight * (jxz * eu + jyz * ev + jrz * er)
+    out[11], out[12], out[13], out[14], out[15] = weight, 0.0 if mono else 1.0, eu, ev, er
+    out[16], out[17], out[18], out[19], out[20] = jx, jy, jxz, jyz, jrz
     return cost
 
 
@@ -224,6 +154,60 @@ def _add_point(seen, pose, block, coupling):
 
 
 @njit(cache=True, nogil=True)
+def _add_shared(seen, pose, wanted, rows, coupling, hessian, gradient):
+    """Add one observation to the sums of the shared intrinsics (fx, fy, cx, cy, bf and one unused).
+
+    `wanted` (6,) is 1 for those that are refined, else 0. `rows` (6, 3) takes their products with the point in the camera's
+    frame; `coupling` (3, 6), `hessian` (6, 6), upper part, and `gradient` (6,) are added to.
+    """
+    x, y, z, weight, stereo = seen[8], seen[9], seen[10], seen[11], seen[12]
+    rows[:] = 0.0
+    if weight == 0.0:
+        return
+    a, b = wanted[0] * x / z, wanted[1] * y / z
+    c, d, e = wanted[2], wanted[3], -stereo * wanted[4] / z
+    f = a * (1.0 + stereo)
+    hessian[0, 0] += weight * f * a
+    hessian[0, 2] += weight * f * c
+    hessian[0, 4] += weight * a * e
+    hessian[1, 1] += weight * b * b
+    hessian[1, 3] += weight * b * d
+    hessian[2, 2] += weight * (1.0 + stereo) * c * c
+    hessian[2, 4] += weight * c * e
+    hessian[3, 3] += weight * d * d
+    hessian[4, 4] += weight * e * e
+    gradient[0] += weight * a * (seen[13] + seen[15])
+    gradient[1] += weight * b * seen[14]
+    gradient[2] += weight * c * (seen[13] + seen[15])
+    gradient[3] += weight * d * seen[14]
+    gradient[4] += weight * e * seen[15]
+    jx, jy, jxz, jyz, jrz = seen[16], seen[17], seen[18], seen[19], seen[20]
+    both, depth = jx * (1.0 + stereo), jxz + stereo * jrz
+    rows[0, 0], rows[0, 2] = weight * a * both, weight * a * depth
+    rows[1, 1], rows[1, 2] = weight * b * jy, weight * b * jyz
+    rows[2, 0], rows[2, 2] = weight * c * both, weight * c * depth
+    rows[3, 1], rows[3, 2] = weight * d * jy, weight * d * jyz
+    rows[4, 0], rows[4, 2] = weight * e * jx, weight * e * jrz
+    for i in range(5):
+        for j in range(3):
+            coupling[j, i] += rows[i, 0] * pose[0, j] + rows[i, 1] * pose[1, j] + rows[i, 2] * pose[2, j]
+
+
+@njit(cache=True, nogil=True)
+def _add_pair(seen, rows, block):
+    """Add one observation to the block (6, 6) of its camera and the shared intrinsics."""
+    x, y, z = seen[8], seen[9], seen[10]
+    for i in range(5):
+        k0, k1, k2 = rows[i, 0], rows[i, 1], rows[i, 2]
+        block[0, i] += y * k2 - z * k1
+        block[1, i] += z * k0 - x * k2
+        block[2, i] += x * k1 - y * k0
+        block[3, i] += k0
+        block[4, i] += k1
+        block[5, i] += k2
+
+
+@njit(cache=True, nogil=True)
 def _factorise_point(block, damping, factor):
     """Cholesky factor of a point's damped block into `factor` (9,): l10, l20, l21, 1/l00, 1/l11, 1/l22, L^-1 gradient."""
     largest = max(block[0], block[3], block[5])
@@ -245,8 +229,40 @@ def _factorise_point(block, damping, factor):
 
 
 @njit(cache=True, nogil=True)
+def _solve_coupling(coupling, factor, gradient):
+    """Turn a transposed block W (3, 6) into that of W L^-T, and subtract its part from the reduced gradient (6,)."""
+    l10, l20, l21, i0, i1, i2 = factor[0], factor[1], factor[2], factor[3], factor[4], factor[5]
+    y0, y1, y2 = factor[6], factor[7], factor[8]
+    for r in range(6):
+        z0 = coupling[0, r] * i0
+        z1 = (coupling[1, r] - l10 * z0) * i1
+        z2 = (coupling[2, r] - l20 * z0 - l21 * z1) * i2
+        coupling[0, r], coupling[1, r], coupling[2, r] = z0, z1, z2
+        gradient[r] -= z0 * y0 + z1 * y1 + z2 * y2
+
+
+@njit(cache=True, nogil=True)
+def _subtract_product(left, right, block):
+    """Subtract left' right from `block` (6, 6); both (3, 6)."""
+    x0, x1, x2, x3, x4, x5 = right[0, 0], right[0, 1], right[0, 2], right[0, 3], right[0, 4], right[0, 5]
+    y0, y1, y2, y3, y4, y5 = right[1, 0], right[1, 1], right[1, 2], right[1, 3], right[1, 4], right[1, 5]
+    z0, z1, z2, z3, z4, z5 = right[2, 0], right[2, 1], right[2, 2], right[2, 3], right[2, 4], right[2, 5]
+    for r in range(6):
+        a, b, c = left[0, r], left[1, r], left[2, r]
+        b0 = block[r, 0] - (a * x0 + b * y0 + c * z0)
+        b1 = block[r, 1] - (a * x1 + b * y1 + c * z1)
+        b2 = block[r, 2] - (a * x2 + b * y2 + c * z2)
+        b3 = block[r, 3] - (a * x3 + b * y3 + c * z3)
+        b4 = block[r, 4] - (a * x4 + b * y4 + c * z4)
+        b5 = block[r, 5] - (a * x5 + b * y5 + c * z5)
+        block[r, 0], block[r, 1], block[r, 2] = b0, b1, b2
+        block[r, 3], block[r, 4], block[r, 5] = b3, b4, b5
+
+
+@njit(cache=True, nogil=True)
 def _eliminate(begin, end, ranks, slots, couplings, factor, blocks, gradient):
     """Subtract one point's part from the reduced system; `couplings` become W L^-T (transposed)."""
+    # the loops below are most of the work: written out, they are three times as fast as with rows given to functions
     l10, l20, l21, i0, i1, i2 = factor[0], factor[1], factor[2], factor[3], factor[4], factor[5]
     y0, y1, y2 = factor[6], factor[7], factor[8]
     for m in range(begin, end):
@@ -266,7 +282,6 @@ def _eliminate(begin, end, ranks, slots, couplings, factor, blocks, gradient):
         z3, z4, z5 = couplings[n, 2, 3], couplings[n, 2, 4], couplings[n, 2, 5]
         for m in range(begin, n + 1):
             block = blocks[slots[ranks[m], ranks[n]]]
-            again = 2 if ranks[m] == ranks[n] and m != n else 1
             for r in range(6):
                 a, b, c = couplings[m, 0, r], couplings[m, 1, r], couplings[m, 2, r]
                 b0 = block[r, 0] - (a * x0 + b * y0 + c * z0)
@@ -277,29 +292,41 @@ def _eliminate(begin, end, ranks, slots, couplings, factor, blocks, gradient):
                 b5 = block[r, 5] - (a * x5 + b * y5 + c * z5)
                 block[r, 0], block[r, 1], block[r, 2] = b0, b1, b2
                 block[r, 3], block[r, 4], block[r, 5] = b3, b4, b5
-            if again == 2:  # one camera saw the point twice: both orders fall into its own block
-                for r in range(6):
-                    for s in range(6):
-                        for t in range(3):
-                            block[r, s] -= couplings[n, t, r] * couplings[m, t, s]
+            if ranks[m] == ranks[n] and m != n:  # one camera saw the point twice: both orders fall into its own block
+                _subtract_product(couplings[n], couplings[m], block)
+
+
+@njit(cache=True, nogil=True)
+def _eliminate_shared(begin, end, ranks, slots, couplings, shared, factor, blocks, gradient):
+    """As `_eliminate`, after it, for the block of a point and the shared intrinsics, whose rank is the last."""
+    last = len(gradient) - 1
+    _solve_coupling(shared, factor, gradient[last])
+    for m in range(begin, end):
+        _subtract_product(couplings[m], shared, blocks[slots[ranks[m], last]])
+    _subtract_product(shared, shared, blocks[slots[last, last]])
 
 
 @njit(cache=True, nogil=True)
 def build(
-    first, last, starts, free_ends, cameras, ranks, slots, measured, weights, poses, points, held, camera, robust,
-    damping, couplings, factors, costs, hessians, gradients, blocks, reduced,
+    first, last, starts, free_ends, cameras, ranks, slots, measured, weights, poses, points, held, camera, wanted, robust,
+    damping, couplings, shared, factors, costs, hessians, gradients, blocks, reduced,
 ):  # fmt: skip
     """Linearise points first to last and subtract them from the reduced system.
 
     Cameras' own blocks go to `hessians` (F, 6, 6), upper parts, and `gradients` (F, 6); what the points take away to
     `blocks` (B, 6, 6) at slots [rank, rank], and `reduced` (F, 6). Per point: `factors` (P, 9), `costs` (P,); per
-    observation: `couplings` (M, 3, 6). `held` (P,): points that do not move.
+    observation: `couplings` (M, 3, 6). `held` (P,): points that do not move. With any of `wanted` (6,) the intrinsics are
+    refined: theirs is the last row of all sums, and `shared` (P, 3, 6) takes their couplings.
     """
-    seen, block, unused = np.empty(11), np.empty(9), np.empty((3, 6))
+    calibrate = wanted.max() > 0.0
+    rows, own = np.empty((6, 3)), len(gradients) - 1
+    seen, block, unused = np.empty(21), np.empty(9), np.empty((3, 6))
     for p in range(first, last):
         begin, middle, end = starts[p], free_ends[p], starts[p + 1]
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
         block[:] = 0.0
+        if calibrate:
+            shared[p] = 0.0
         cost = 0.0
         for m in range(begin, end):
             pose = poses[cameras[m]]
@@ -309,22 +336,28 @@ def build(
                 _add_point(seen, pose, block, couplings[m])
             else:
                 _add_point(seen, pose, block, unused)
+            if calibrate:
+                _add_shared(seen, pose, wanted, rows, shared[p], hessians[own], gradients[own])
+                if m < middle:
+                    _add_pair(seen, rows, blocks[slots[ranks[m], own]])
         costs[p] = cost
         if held[p] or block[0] + block[3] + block[5] <= 0.0:
             factors[p] = 0.0
             continue
         _factorise_point(block, damping, factors[p])
         _eliminate(begin, middle, ranks, slots, couplings, factors[p], blocks, reduced)
+        if calibrate:
+            _eliminate_shared(begin, middle, ranks, slots, couplings, shared[p], factors[p], blocks, reduced)
 
 
 @njit(cache=True, nogil=True)
 def move_points(
-    first, last, starts, free_ends, cameras, ranks, measured, weights, poses, points, camera, robust, couplings, factors,
-    costs, steps, moved,
+    first, last, starts, free_ends, cameras, ranks, measured, weights, poses, points, camera, calibrate, robust, couplings, shared,
+    factors, costs, steps, moved,
 ):  # fmt: skip
     """Write where points first to last go with the cameras' `steps` (F, 6) to `moved`; return the cost there.
 
-    `poses` are the moved cameras. A point whose own cost rose stays where it was if that is the better place: one point
+    `poses` and `camera` are those after the steps, of which the last is the intrinsics' if `calibrate`. A point whose own cost rose stays where it was if that is the better place: one point
     that runs away along its ray must not spoil the step of all.
     """
     total = 0.0
@@ -344,6 +377,12 @@ def move_points(
                 s0 += couplings[m, 0, r] * step
                 s1 += couplings[m, 1, r] * step
                 s2 += couplings[m, 2, r] * step
+        if calibrate:
+            for r in range(6):
+                step = steps[len(steps) - 1, r]
+                s0 += shared[p, 0, r] * step
+                s1 += shared[p, 1, r] * step
+                s2 += shared[p, 2, r] * step
         d2 = -s2 * factor[5]
         d1 = (-s1 - factor[2] * d2) * factor[4]
         d0 = (-s0 - factor[0] * d1 - factor[1] * d2) * factor[3]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import DataError
-from slamcli.vision import _bundle_kernels as kernels
+from slamcli.vision import _observation_kernels as kernels
 from slamcli.vision.bundle_problem import MONO_BOUND, STEREO_BOUND, BundleProblem, BundleResult
 from slamcli.vision.bundle_system import BundleState, BundleSystem
 from slamcli.vision.pinhole import Pinhole
@@ -20,6 +20,7 @@ from slamcli.vision.pinhole import Pinhole
 Floats = NDArray[np.float64]
 START = 1e-5  # damping in the beginning, as a share of the diagonal
 SMALLEST = 1e-9
+INTRINSICS = ("fx", "fy", "cx", "cy", "bf")
 LARGEST = 1e8  # damping at which no step leads down any more
 
 
@@ -29,6 +30,7 @@ def adjust_bundle(
     iterations: int = 10,
     robust: bool = True,
     fixed_points: NDArray[np.bool_] | None = None,
+    refine_intrinsics: Sequence[str] = (),
     tolerance: float = 1e-6,
     threads: int = 1,
 ) -> BundleResult:
@@ -40,6 +42,8 @@ def adjust_bundle(
     iterations : at most; a rejected step counts.
     robust : Huber's loss with the 95 % bounds (5.991 mono, 7.815 stereo) on the squared residuals.
     fixed_points : bool (P,), points that stay.
+    refine_intrinsics : which of "fx", "fy", "cx", "cy" and "bf" are unknowns as well, shared by all cameras. Baseline times
+        focal length is the map's scale: refine it only where fixed cameras or points hold that.
     tolerance : relative decrease of the cost at which it ends.
     threads : that share the work; the result is the same to the byte.
 
@@ -54,8 +58,9 @@ def adjust_bundle(
     stays where it was; one behind a camera has a constant, high cost.
     """
     return adjust_in_rounds(
-        problem, rounds=((iterations, robust),), fixed_points=fixed_points, tolerance=tolerance, threads=threads
-    )
+        problem, rounds=((iterations, robust),), fixed_points=fixed_points, refine_intrinsics=refine_intrinsics,
+        tolerance=tolerance, threads=threads,
+    )  # fmt: skip
 
 
 def adjust_in_rounds(
@@ -63,25 +68,31 @@ def adjust_in_rounds(
     *,
     rounds: Sequence[tuple[int, bool]] = ((5, True), (10, False)),
     fixed_points: NDArray[np.bool_] | None = None,
-    tolerance: float = 1e-6,
+    refine_intrinsics: Sequence[str] = (),
+    tolerance: float = 1e-5,
     threads: int = 1,
 ) -> BundleResult:
     """Return the bundle adjusted in rounds of (iterations, robust), each without the outliers of the one before.
 
     The default is the local bundle adjustment of ORB-SLAM: five iterations with Huber's loss, then ten without loss and
-    without what lies behind a camera or beyond the 95 % bound. Parameters otherwise as for :func:`adjust_bundle`; `inliers`
-    of the result tells which observations remain good.
+    without what lies behind a camera or beyond the 95 % bound. `inliers` of the result tells which observations remain
+    good. Parameters otherwise as for :func:`adjust_bundle`. The tolerance is wider: on nine synthetic problems what was
+    left moved cameras by 0.00 to 0.08 of their standard deviation on average.
     """
     held = np.zeros(len(problem.points), np.bool_) if fixed_points is None else np.asarray(fixed_points, np.bool_)
     if held.shape != (len(problem.points),):
         raise DataError(f"bundle adjustment: fixed_points is {held.shape}, {(len(problem.points),)} is wanted")
+    unknown = [name for name in refine_intrinsics if name not in INTRINSICS]
+    if unknown:
+        raise DataError(f"bundle adjustment: no intrinsic is called {unknown[0]!r}; there are {', '.join(INTRINSICS)}")
+    refined = np.isin(INTRINSICS, list(refine_intrinsics))
     state = _start(problem)
     chi2, ahead, inliers = _judge(problem, state)
     total, before, cost, converged = 0, 0.0, 0.0, True
     with _pool(threads) as pool:
         for turn, (iterations, robust) in enumerate(rounds):
             part = problem if turn == 0 else _selected(problem, inliers)
-            system = BundleSystem(part, held, pool)
+            system = BundleSystem(part, held, pool, refined)
             state, before, cost, done, converged = _descend(system, state, iterations, robust, tolerance)
             total += done
             chi2, ahead, inliers = _judge(problem, state)
@@ -89,8 +100,9 @@ def adjust_in_rounds(
     T[:, :3] = state.poses
     T[problem.fixed] = problem.T_camera_map[problem.fixed]
     return BundleResult(
-        T_camera_map=T, points=state.points, chi2=chi2, positive_depth=ahead, inliers=inliers, iterations=total,
-        cost_before=before, cost=cost, converged=converged,
+        T_camera_map=T, points=state.points, chi2=chi2, positive_depth=ahead, inliers=inliers,
+        camera=_camera(problem.camera, state) if refined.any() else problem.camera, iterations=total, cost_before=before,
+        cost=cost, converged=converged,
     )  # fmt: skip
 
 
@@ -123,7 +135,13 @@ def _descend(
 
 def _start(problem: BundleProblem) -> BundleState:
     poses = np.array(problem.T_camera_map[:, :3], np.float64, order="C")
-    return BundleState(poses=poses, points=np.array(problem.points, np.float64, order="C"))
+    points = np.array(problem.points, np.float64, order="C")
+    return BundleState(poses=poses, points=points, camera=problem.camera.array)
+
+
+def _camera(camera: Pinhole, state: BundleState) -> Pinhole:
+    fx, fy, cx, cy, bf = state.camera.tolist()
+    return replace(camera, fx=fx, fy=fy, cx=cx, cy=cy, baseline_m=bf / fx)
 
 
 def _selected(problem: BundleProblem, chosen: NDArray[np.bool_]) -> BundleProblem:
@@ -140,7 +158,7 @@ def _judge(problem: BundleProblem, state: BundleState) -> tuple[Floats, NDArray[
     kernels.squares(
         np.ascontiguousarray(problem.camera_index, np.int64), np.ascontiguousarray(problem.point_index, np.int64),
         np.column_stack([problem.pixels, problem.right]), 1.0 / np.asarray(problem.sigmas, np.float64) ** 2,
-        state.poses, state.points, problem.camera.array, chi2, ahead,
+        state.poses, state.points, state.camera, chi2, ahead,
     )  # fmt: skip
     return chi2, ahead, ahead & (chi2 <= np.where(np.isnan(problem.right), MONO_BOUND, STEREO_BOUND))
 
@@ -165,4 +183,4 @@ def warm() -> None:
         camera_index=np.concatenate([zeros, zeros + 1]), point_index=np.concatenate([index, index]), pixels=pixels,
         right=np.full(8, np.nan), sigmas=np.ones(8), camera=camera,
     )  # fmt: skip
-    adjust_in_rounds(problem)
+    adjust_in_rounds(problem, refine_intrinsics=("fx",))

@@ -80,6 +80,8 @@ class BundleResult:
     """bool (M,): the point lies ahead of the camera."""
     inliers: NDArray[np.bool_]
     """bool (M,): ahead of the camera and chi2 within the 95 % bound (5.991 mono, 7.815 stereo)."""
+    camera: Pinhole
+    """As given, or refined; a refined focal length keeps bf, so that the baseline is bf / fx."""
     iterations: int
     """Steps that were tried."""
     cost_before: float

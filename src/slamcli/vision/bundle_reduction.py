@@ -39,7 +39,7 @@ class BundleReduction:
     def __init__(self, problem: BundleProblem, fixed_points: NDArray[np.bool_] | None = None) -> None:
         held = np.zeros(len(problem.points), np.bool_) if fixed_points is None else np.asarray(fixed_points, np.bool_)
         self._system = BundleSystem(problem, held)
-        self._points = np.array(problem.points, np.float64, order="C")
+        self._points, self._camera = np.array(problem.points, np.float64, order="C"), problem.camera.array
 
     @property
     def free(self) -> NDArray[np.int64]:
@@ -55,7 +55,7 @@ class BundleReduction:
         """
         self._points = np.array(points, np.float64, order="C")
         poses = np.array(T_camera_map[:, :3], np.float64, order="C")
-        reduced = self._system.linearise(BundleState(poses=poses, points=self._points), damping, robust)
+        reduced = self._system.linearise(self._state(poses, self._points), damping, robust)
         return CameraTerms(
             hessian=self._system.system.dense(reduced.blocks), cost=reduced.cost,
             gradient=reduced.gradient[self._system.system.ranks].ravel(),
@@ -73,4 +73,7 @@ class BundleReduction:
         by_rank = np.empty((len(self.free), 6))
         by_rank[self._system.system.ranks] = np.asarray(steps, np.float64).reshape(-1, 6)
         poses = np.array(T_camera_map[:, :3], np.float64, order="C")
-        return self._system.follow(poses, self._points, by_rank, robust)
+        return self._system.follow(self._state(poses, self._points), by_rank, robust)
+
+    def _state(self, poses: Floats, points: Floats) -> BundleState:
+        return BundleState(poses=poses, points=points, camera=self._camera)

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.vision import _bundle_kernels as kernels
+from slamcli.vision import _observation_kernels as observations
 from slamcli.vision.bundle_problem import BundleProblem
 from slamcli.vision.camera_system import CameraSystem
 
@@ -27,6 +28,8 @@ class BundleState:
     """float64 (C, 3, 4), upper rows of T_camera_map."""
     points: Floats
     """float64 (P, 3)."""
+    camera: Floats
+    """float64 (5,): fx, fy, cx, cy, bf."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,21 +49,35 @@ class ReducedSystem:
 class BundleSystem:
     """Normal equations of a problem (Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, 6.1)."""
 
-    def __init__(self, problem: BundleProblem, held: NDArray[np.bool_], pool: Executor | None = None) -> None:
-        """Sort the observations; `held` bool (P,): points that stay."""
-        self.camera, self.pool, self.held = problem.camera.array, pool, held
+    def __init__(
+        self,
+        problem: BundleProblem,
+        held: NDArray[np.bool_],
+        pool: Executor | None = None,
+        refined: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """Sort the observations.
+
+        `held` bool (P,): points that stay; `refined` bool (5,): intrinsics that do not. Those follow the cameras as one
+        more row of all that has F rows.
+        """
+        self._pool, self._held = pool, held
+        self._wanted = np.append(np.zeros(5, np.bool_) if refined is None else refined, False).astype(np.float64)
+        self._calibrate = bool(self._wanted.any())
         free = np.flatnonzero(~problem.fixed)
         columns = np.full(len(problem.fixed), -1, np.int64)
         columns[free] = np.arange(len(free))
         order, starts = _sorted(problem.point_index, len(problem.points))
-        pairs = np.eye(len(free), dtype=np.bool_)
-        kernels.mark_pairs(starts, columns[problem.camera_index[order]], pairs)
-        self.system = CameraSystem(pairs)
+        size = len(free) + self._calibrate
+        pairs = np.eye(size, dtype=np.bool_)
+        pairs[:, len(free) :] = True
+        observations.mark_pairs(starts, columns[problem.camera_index[order]], pairs)
+        self.system = CameraSystem(pairs, shared=self._calibrate)
         self.free = free
         """int64 (F,), cameras that move."""
         self.camera_ranks = columns.copy()
         """int64 (C,), rank of each camera, -1: fixed."""
-        self.camera_ranks[free] = self.system.ranks
+        self.camera_ranks[free] = self.system.ranks[: len(free)]
         # by point, within a point by rank, the fixed ones last
         turns = np.where(self.camera_ranks < 0, len(free), self.camera_ranks)[problem.camera_index]
         by_turn, _ = _sorted(turns, len(free) + 1)
@@ -73,8 +90,9 @@ class BundleSystem:
         self._measured = np.column_stack([problem.pixels, problem.right])[order]
         self._weights = 1.0 / problem.sigmas[order] ** 2
         self._ranges = _ranges(self._starts)
-        count, size, blocks = len(problem.points), len(free), len(self.system.rows)
+        count, blocks = len(problem.points), len(self.system.rows)
         self._couplings = np.empty((len(problem), 3, 6))
+        self._shared = np.empty((count if self._calibrate else 0, 3, 6))
         self._factors, self._costs = np.zeros((count, 9)), np.zeros(count)
         self._hessians, self._gradients = np.empty((RANGES, size, 6, 6)), np.empty((RANGES, size, 6))
         self._blocks, self._reduced = np.empty((RANGES, blocks, 6, 6)), np.empty((RANGES, size, 6))
@@ -90,8 +108,8 @@ class BundleSystem:
         def part(r: int) -> None:
             kernels.build(
                 self._ranges[r], self._ranges[r + 1], self._starts, self._free_ends, self._cameras, self._ranks,
-                self.system.slots, self._measured, self._weights, state.poses, state.points, self.held, self.camera,
-                robust, damping, self._couplings, self._factors, self._costs, self._hessians[r], self._gradients[r],
+                self.system.slots, self._measured, self._weights, state.poses, state.points, self._held,
+                state.camera, self._wanted, robust, damping, self._couplings, self._shared, self._factors, self._costs, self._hessians[r], self._gradients[r],
                 self._blocks[r], self._reduced[r],
             )  # fmt: skip
 
@@ -114,20 +132,25 @@ class BundleSystem:
     def step(self, state: BundleState, steps: Floats, robust: bool) -> tuple[BundleState, float]:
         """Return the state after the cameras' steps (F, 6), by rank, and those of the points that follow, and its cost."""
         poses = np.empty_like(state.poses)
-        kernels.move_cameras(state.poses, self.camera_ranks, steps, poses)
-        points, cost = self.follow(poses, state.points, steps, robust)
-        return BundleState(poses=poses, points=points), cost
+        observations.move_cameras(state.poses, self.camera_ranks, steps, poses)
+        camera = state.camera + steps[-1, :5] if self._calibrate else state.camera
+        moved = BundleState(poses=poses, points=state.points, camera=camera)
+        points, cost = self.follow(moved, steps, robust)
+        return replace(moved, points=points), cost
 
-    def follow(self, poses: Floats, points: Floats, steps: Floats, robust: bool) -> tuple[Floats, float]:
-        """Return where the points (P, 3) of the last linearisation go with the cameras' steps, and the cost at `poses`."""
-        moved = np.empty_like(points)
+    def follow(self, state: BundleState, steps: Floats, robust: bool) -> tuple[Floats, float]:
+        """Return where the points go with the cameras' steps, and the cost there.
+
+        `state` has the cameras after these steps, and the points of the last linearisation.
+        """
+        moved = np.empty_like(state.points)
         totals = np.zeros(RANGES)
 
         def part(r: int) -> None:
             totals[r] = kernels.move_points(
                 self._ranges[r], self._ranges[r + 1], self._starts, self._free_ends, self._cameras, self._ranks,
-                self._measured, self._weights, poses, points, self.camera, robust, self._couplings, self._factors,
-                self._costs, steps, moved,
+                self._measured, self._weights, state.poses, state.points, state.camera, self._calibrate, robust,
+                self._couplings, self._shared, self._factors, self._costs, steps, moved,
             )  # fmt: skip
 
         self._each(part)
@@ -135,17 +158,17 @@ class BundleSystem:
 
     def _each(self, part: Callable[[int], None]) -> None:
         """Do all ranges, side by side where there are threads."""
-        if self.pool is None:
+        if self._pool is None:
             for r in range(RANGES):
                 part(r)
         else:
-            list(self.pool.map(part, range(RANGES)))
+            list(self._pool.map(part, range(RANGES)))
 
 
 def _sorted(keys: Integers, size: int) -> tuple[Integers, Integers]:
     """Return a stable order (M,) by keys below `size`, and where each key begins (size + 1,)."""
     order, starts = np.empty(len(keys), np.int64), np.empty(size + 1, np.int64)
-    kernels.sort_stably(np.ascontiguousarray(keys, np.int64), size, order, starts)
+    observations.sort_stably(np.ascontiguousarray(keys, np.int64), size, order, starts)
     return order, starts
 
 

@@ -22,12 +22,16 @@ class CameraSystem:
     Blocks are stored by columns of the elimination order, the diagonal last.
     """
 
-    def __init__(self, pairs: NDArray[np.bool_]) -> None:
-        """Take the pairs (F, F) that share points, upper part with the diagonal, in the order of cameras."""
+    def __init__(self, pairs: NDArray[np.bool_], *, shared: bool = False) -> None:
+        """Take the pairs (F, F) that share points, upper part with the diagonal, in the order of cameras.
+
+        With `shared` the last row is not a camera but what all have in common; it is eliminated last.
+        """
         size = len(pairs)
         self.size = size
         whole = pairs | pairs.T
-        order = _elimination_order(whole)
+        cameras = size - 1 if shared else size
+        order = np.append(_elimination_order(whole[:cameras, :cameras]), np.arange(cameras, size))
         self.ranks: Integers = np.empty(size, np.int64)
         """int64 (F,), when each camera is eliminated."""
         self.ranks[order] = np.arange(size)

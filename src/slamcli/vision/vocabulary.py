@@ -15,8 +15,9 @@ from slamcli.vision import _vocabulary_kernels as kernels
 Weighting = Literal["tf-idf", "tf", "idf", "binary"]
 WEIGHTINGS: tuple[Weighting, ...] = ("tf-idf", "tf", "idf", "binary")
 """In the order in which DBoW2 numbers them."""
-_MATCHING_LEVEL = 2
-"""Level at which features are grouped for matching: about 100 groups. ORB-SLAM's: 4 levels above the words of 6."""
+_MATCHING_NODES = 32
+"""At most so many groups of features for matching. ORB-SLAM has 100 (4 levels above the words of 6); with 10, a sixth more matches
+are found between neighbouring frames for 0.9 instead of 0.3 ms of 1,000 features."""
 
 
 class Words(NamedTuple):
@@ -59,8 +60,11 @@ class Vocabulary:
 
     @property
     def matching_level(self) -> int:
-        """Level of `Words.nodes`: four above the words, as ORB-SLAM has it, but never above the second."""
-        return min(max(self.depth - 4, _MATCHING_LEVEL), self.depth)
+        """Level of `Words.nodes`: the deepest with at most 32 nodes, but below the root."""
+        level = 1
+        while level < self.depth and 0 < np.searchsorted(self.levels, level + 2) - np.searchsorted(self.levels, level + 1) <= _MATCHING_NODES:  # fmt: skip
+            level += 1
+        return level
 
     def words(self, descriptors: NDArray[np.uint8]) -> Words:
         """Return word, weight and matching node of descriptors.

@@ -7,7 +7,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from slamcli.pipelines.convert import Selection, convert
+from slamcli.pipelines.conversion import Selection
+from slamcli.pipelines.convert import convert
 from slamcli.recordings.containers import open_raw
 from slamcli.runtime import RunLog
 

@@ -12,14 +12,17 @@ from slamcli.native.cartographer_lua import read_cartographer_lua
 from slamcli.native.checks.cartographer import check_cartographer
 from slamcli.native.checks.cartographer_topics import check_topics
 from slamcli.native.checks.costmap import check_costmap
-from slamcli.native.checks.findings import ERROR, NOTE, Finding, at, below, check_declared
+from slamcli.native.checks.findings import ERROR, NOTE, WARNING, Finding, at, below, check_declared
 from slamcli.native.checks.gmapping import check_gmapping
 from slamcli.native.checks.map_yaml import check_map_yaml
 from slamcli.native.checks.navigation import PLANNERS, check_amcl, check_move_base
+from slamcli.native.checks.orbslam import check_orbslam
 from slamcli.native.launch import LaunchNode, read_launch
+from slamcli.native.opencv_yaml import is_opencv_yaml, read_opencv_yaml
+from slamcli.native.orbslam_launch import find_settings, is_orbslam
 from slamcli.native.ros_parameters.costmap import COSTMAP, LAYERS, PRE_HYDRO
 from slamcli.native.ros_yaml import read_ros_yaml
-from slamcli.native.settings import Setting, merge, shipped_folders
+from slamcli.native.settings import Setting, merge, read_text, shipped_folders
 from slamcli.parameters import Declaration
 
 Check = Callable[[Mapping[str, Setting]], Iterator[Finding]]
@@ -46,9 +49,10 @@ def check_file(path: Path, tables: Tables, beams: int | None = None) -> tuple[Fi
     Parameters
     ----------
     path
-        A launch file (``.launch``, ``.xml``) or ROS parameter YAML, or a map's YAML, or a Lua file of Cartographer.
+        A launch file (``.launch``, ``.xml``) or ROS parameter YAML, or a map's YAML, or a Lua file of Cartographer, or
+        settings of ORB-SLAM.
     tables
-        The declarations of the tiers ``gmapping`` and ``cartographer``.
+        The declarations of the tiers ``gmapping``, ``cartographer`` and ``orbslam3``.
     beams
         The number of beams of the scanner that will be used, if known.
     """
@@ -69,6 +73,8 @@ def _check(path: Path, gmapping: Check, tables: Tables) -> Iterator[Finding]:
     suffix = path.suffix.lower()
     if suffix in (".launch", ".xml"):
         return _check_launch(path, gmapping, tables)
+    if suffix in (".yaml", ".yml") and is_opencv_yaml(read_text(path)):
+        return check_orbslam(str(path), read_opencv_yaml(path), tables["orbslam3"])
     if suffix in (".yaml", ".yml"):
         return _check_yaml(merge(read_ros_yaml(path)), path, gmapping)
     if suffix == ".lua":
@@ -98,6 +104,8 @@ def _check_launch(path: Path, gmapping: Check, tables: Tables) -> Iterator[Findi
             yield from checks[node.type](node.params)
         elif node.type in ("cartographer_node", "cartographer_offline_node"):
             yield from _check_cartographer_node(node, tables)
+        elif is_orbslam(node):
+            yield from _check_orbslam_node(node, tables)
         elif node.params:
             yield Finding(NOTE, node.file, node.line, f"the parameters of {node.package}/{node.type} are not checked")
     for note in launch.notes:
@@ -113,6 +121,20 @@ def _check_cartographer_node(node: LaunchNode, tables: Tables) -> Iterator[Findi
     file = read_cartographer_lua(found.path, (*found.folders, *shipped_folders()))
     yield from check_topics(node, file)
     yield from check_cartographer(file, tables["cartographer"])
+
+
+def _check_orbslam_node(node: LaunchNode, tables: Tables) -> Iterator[Finding]:
+    found = find_settings(node, shipped_folders())
+    for note in found.notes:
+        yield Finding(NOTE, node.file, node.line, note.partition(": ")[2])
+    if found.path is None:
+        yield Finding(WARNING, node.file, node.line, f"{node.type} is given no settings file")
+        return
+    remapped = " ".join(node.remaps)
+    if "rgbd" in found.path.name.lower() and "left" in remapped:
+        message = f"topics are those of a stereo camera, and {found.path.name} is named as settings of RGB-D"
+        yield Finding(WARNING, node.file, node.line, message)
+    yield from check_orbslam(str(found.path), read_opencv_yaml(found.path), tables["orbslam3"])
 
 
 def _check_package(node: LaunchNode) -> Iterator[Finding]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from slamcli.recordings.checks import cameras, container, inertial, scanner, stamps, sweeps, transforms
+from slamcli.recordings.checks import cameras, container, images, inertial, scanner, stamps, sweeps, transforms
 from slamcli.recordings.checks.evidence import Evidence
 from slamcli.recordings.checks.finding import SEVERITIES, Finding
 
@@ -47,8 +47,14 @@ CHECKS: dict[str, Check] = {
     "imu-rotation": inertial.rotation,
     "camera-info": cameras.calibration,
     "camera-size": cameras.size,
-    "depth-scale": cameras.depth_scale,
+    "depth-scale": images.depth_scale,
+    "depth-registration": images.registration,
     "camera-sync": cameras.synchronisation,
+    "image-size": images.size_changes,
+    "image-dropped": images.dropped,
+    "image-repeated": images.repeated,
+    "image-exposure": images.exposure,
+    "image-blur": images.blur,
 }
 
 __all__ = ["CHECKS", "SEVERITIES", "Check", "Evidence", "Finding"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Checks of cameras: calibration, depth units, synchronisation."""
+"""Checks of cameras: calibration, sizes, synchronisation."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from slamcli.recordings.camera_topics import info_topic
 from slamcli.recordings.checks.evidence import Evidence
 from slamcli.recordings.checks.finding import Finding
 from slamcli.recordings.tier_fit import sensor_topics
-
-_NEAREST_M, _FARTHEST_M = 0.15, 30.0
 
 
 def calibration(evidence: Evidence) -> Iterator[Finding]:
@@ -52,42 +50,20 @@ def calibration(evidence: Evidence) -> Iterator[Finding]:
 def size(evidence: Evidence) -> Iterator[Finding]:
     """Compare the size of images with the one in their calibration."""
     infos = list(evidence.of(CameraModel))
-    for name, images in evidence.images.items():
+    for name, seen in evidence.images.items():
         info = info_topic(name, infos)
         model = evidence.cameras[info].first if info is not None and info in evidence.cameras else None
-        height, width = images[0].pixels.shape[:2]
+        if seen.first is None:
+            continue
+        height, width = seen.first.pixels.shape[:2]
         if model is not None and model.width and (model.width, model.height) != (width, height):
             yield Finding(
                 severity="error",
                 topic=name,
                 message=f"images have {width} x {height} pixels, the calibration on {info} is for "
                 f"{model.width} x {model.height}",
-                stamp_ns=images[0].stamp_ns,
+                stamp_ns=seen.first.stamp_ns,
                 mend=f"--camera-info {info}=FILE",
-            )
-
-
-def depth_scale(evidence: Evidence) -> Iterator[Finding]:
-    """Find depth images whose unit is not what their encoding says."""
-    for name, images in evidence.images.items():
-        if images[0].encoding != "depth":
-            continue
-        values = np.concatenate([image.pixels[::4, ::4].reshape(-1) for image in images])
-        values = values[np.isfinite(values) & (values > 0)]
-        if len(values) == 0:
-            yield Finding(
-                severity="warning", topic=name, message="depth images hold no depth", stamp_ns=images[0].stamp_ns
-            )
-            continue
-        typical = float(np.median(values))
-        if not _NEAREST_M < typical < _FARTHEST_M:
-            yield Finding(
-                severity="error",
-                topic=name,
-                message=f"depth is {typical:.3g} m typically: the unit is not what the encoding says "
-                "(16UC1 millimetres, 32FC1 metres)",
-                stamp_ns=images[0].stamp_ns,
-                mend="--depth-scale UNITS (raw units per metre: 1000 for millimetres, 5000 for TUM RGB-D)",
             )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from slamcli.geometry.frame_tree import FrameTree
 from slamcli.measurements import CameraModel, Image, ImuSample, LaserScan, Odometry, PointCloud
+from slamcli.recordings.checks.image_evidence import ImageEvidence
 from slamcli.recordings.checks.sweep_evidence import SweepEvidence
 from slamcli.recordings.checks.turn_evidence import TurnsOfRobot, turns_of_robot
 from slamcli.recordings.raw import Contents, Topic
@@ -20,7 +21,6 @@ from slamcli.recordings.recording import Recording
 from slamcli.recordings.survey import Listener, TopicSurvey, survey
 
 _PROFILES_PER_S = 2.0
-_MAX_IMAGES = 25
 
 
 @dataclass(slots=True)
@@ -140,8 +140,7 @@ class Evidence:
     imus: dict[str, ImuEvidence]
     odometry: dict[str, OdometryEvidence]
     cameras: dict[str, CameraEvidence]
-    images: dict[str, list[Image]]
-    """A few images of each topic, spread over its beginning."""
+    images: dict[str, ImageEvidence]
     sweeps: dict[str, SweepEvidence] = field(default_factory=dict)
     """Of scanners and of sensors of clouds."""
     slashed: dict[str, str] = field(default_factory=dict)
@@ -191,7 +190,16 @@ def gather(recording: Recording) -> Evidence:
 
         return make
 
-    surveys = survey(recording, listeners={kind: listeners(stores) for kind, stores in kinds.items()})
+    images: dict[str, ImageEvidence] = {}
+
+    def watch(topic: Topic) -> ImageEvidence:
+        return images.setdefault(topic.name, ImageEvidence.of(topic))
+
+    surveys = survey(
+        recording,
+        listeners={kind: listeners(stores) for kind, stores in kinds.items()},
+        watchers={Image: watch},
+    )
     return Evidence(
         frames=recording.frames(),
         contents=recording.contents,
@@ -200,7 +208,7 @@ def gather(recording: Recording) -> Evidence:
         imus=kinds[ImuSample][ImuEvidence],
         odometry=kinds[Odometry][OdometryEvidence],
         cameras=kinds[CameraModel][CameraEvidence],
-        images=_some_images(recording, surveys),
+        images={name: seen for name, seen in images.items() if seen.num},
         sweeps={**kinds[LaserScan][SweepEvidence], **kinds[PointCloud][SweepEvidence]},
         slashed=slashed,
         counts=dict(recording.log.counts),
@@ -208,19 +216,3 @@ def gather(recording: Recording) -> Evidence:
         time_offsets_ns=recording.mends.time_offsets_ns,
         unused_mends=recording.unused_mends(),
     )
-
-
-def _some_images(recording: Recording, surveys: dict[str, TopicSurvey]) -> dict[str, list[Image]]:
-    """Return the first image of each topic, and a few more of depth topics."""
-    images: dict[str, list[Image]] = {}
-    for name, found in surveys.items():
-        if not isinstance(found.first, Image):
-            continue
-        images[name] = [found.first]
-        if found.first.encoding == "depth":
-            for number, image in enumerate(recording.measurements([name])):
-                if number % 10 == 9:
-                    images[name].append(image)
-                if len(images[name]) >= _MAX_IMAGES:
-                    break
-    return images

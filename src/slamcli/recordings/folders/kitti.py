@@ -134,7 +134,11 @@ def _camera(name: str, size: tuple[int, int], matrices: Mapping[str, NDArray[np.
     if projection is None:
         return None
     partner = matrices.get(_PARTNERS.get(name, ""))
-    shift = 0.0 if partner is None else float((_offset(projection) - _offset(partner))[0] * projection[0, 0])
+    shift = 0.0
+    if partner is not None:
+        plain = not partner[:, 3].any() and projection[2, 3] == 0  # no detour: the same number as in the file
+        apart_m = (_offset(projection) - _offset(partner))[0]
+        shift = float(projection[0, 3] if plain else apart_m * projection[0, 0])
     k = projection[:, :3]
     return pinhole(frame_of(name), size, (k[0, 0], k[1, 1], k[0, 2], k[1, 2]), shift_px=shift)
 

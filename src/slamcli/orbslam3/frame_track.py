@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: MIT
+"""What is kept of every frame, and where all of them were in the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.orbslam3.frame import Frame
+from slamcli.orbslam3.sparse_map import Ids, SparseMap
+from slamcli.vision.pose_optimisation import optimise_pose
+
+_LEAST = 15
+"""Points that must hold for a pose to be optimised again at the end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TrackedFrame:
+    """A frame by its pose beside a keyframe, and by what it saw."""
+
+    number: int
+    map_number: int
+    """Which of the maps it is in."""
+    reference: int
+    """Keyframe of that map."""
+    T_frame_reference: NDArray[np.float64]
+    """float64 (4, 4)."""
+    points: Ids
+    """(M,), map points at that time."""
+    pixels: NDArray[np.float64]
+    """(M, 2)."""
+    right: NDArray[np.float64]
+    """(M,), NaN where unknown."""
+    sigmas: NDArray[np.float64]
+    """(M,)."""
+
+
+def tracked_frame(sparse_map: SparseMap, map_number: int, frame: Frame) -> TrackedFrame:
+    """Return what is kept of a frame that was tracked."""
+    rows = np.flatnonzero(frame.points >= 0)
+    T_reference = sparse_map.T_camera_map[frame.reference]
+    return TrackedFrame(
+        number=frame.number,
+        map_number=map_number,
+        reference=frame.reference,
+        T_frame_reference=frame.T_camera_map @ np.linalg.inv(T_reference),
+        points=frame.points[rows],
+        pixels=frame.features.pixels[rows],
+        right=frame.features.right[rows],
+        sigmas=frame.features.sigmas[rows],
+    )
+
+
+def final_pose(
+    sparse_map: SparseMap, poses: NDArray[np.float64], frame: TrackedFrame, *, refine: bool
+) -> NDArray[np.float64]:
+    """Return T_camera_map (4, 4) of a frame on the final map.
+
+    Parameters
+    ----------
+    poses
+        (K, 4, 4), `SparseMap.poses_of_all`.
+    refine
+        Whether its pose is optimised once more on the points as they are now, rather than only carried along with its keyframe.
+    """
+    carried = frame.T_frame_reference @ poses[frame.reference]
+    if not refine:
+        return carried
+    ids = sparse_map.resolved(frame.points)
+    rows = np.flatnonzero(ids >= 0)
+    if len(rows) < _LEAST:
+        return carried
+    estimate = optimise_pose(
+        carried,
+        sparse_map.positions[ids[rows]],
+        frame.pixels[rows],
+        frame.right[rows],
+        frame.sigmas[rows],
+        sparse_map.camera,
+    )
+    return estimate.T_camera_map if estimate.inliers.sum() >= max(_LEAST, 0.5 * len(rows)) else carried

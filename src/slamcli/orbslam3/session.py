@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: MIT
+"""Frames in, maps out: the state machine of tracking and the mapping that each keyframe sets off."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.geometry import se3
+from slamcli.orbslam3.bundles import adjust_all
+from slamcli.orbslam3.frame import Frame
+from slamcli.orbslam3.frame_track import TrackedFrame, tracked_frame
+from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
+from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
+from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
+from slamcli.orbslam3.point_creation import points_from_depth
+from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.tracking import TrackingSettings, track_keyframe, track_local_map, track_motion
+from slamcli.vision.pinhole import Pinhole
+
+_LEAST_HELD = 30
+"""Points of the local map that must hold for a frame to count as tracked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionSettings:
+    """What the parts of a session are built with."""
+
+    tracking: TrackingSettings
+    keyframes: KeyframeSettings
+    mapping: MappingSettings
+    close_m: float
+    farthest_m: float
+    least_start: int = 500
+    """Features that the first keyframe of a camera with depth needs."""
+    seed: int = 0
+
+
+class Session:
+    """Tracks frame after frame, and maps."""
+
+    def __init__(self, camera: Pinhole, scales: NDArray[np.float64], settings: SessionSettings) -> None:
+        self.camera, self.scales, self.settings = camera, scales, settings
+        self.counts: Counter[str] = Counter()
+        self.maps: list[SparseMap] = []
+        self.tracked: list[TrackedFrame] = []
+        self.untracked: list[int] = []
+        """Numbers of the frames that have no pose."""
+        self.steps: list[tuple[int, int, int, int]] = []
+        """Per frame: number, points that hold, keyframes alive, points alive."""
+        self._mapping = LocalMapping(settings.mapping, self.counts)
+        self._last: Frame | None = None
+        self._beside_reference = np.eye(4)
+        """T_camera_keyframe of the last frame and its reference keyframe, whose pose mapping may change."""
+        self._velocity: NDArray[np.float64] | None = None
+        """float64 (4, 4), motion of the camera within `_velocity_ns`."""
+        self._velocity_ns = 1
+        self._last_keyframe = 0
+        self._new_map()
+
+    @property
+    def map(self) -> SparseMap:
+        """The map that is being built."""
+        return self.maps[-1]
+
+    def take(self, frame: Frame) -> None:
+        """Track the next frame; make it a keyframe where the map needs one."""
+        last = self._last
+        held = self._begin(frame) if last is None else self._track(last, frame)
+        if held:
+            self._keep(frame)
+        else:
+            self.untracked.append(frame.number)
+        self.steps.append((frame.number, held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum())))
+
+    def _new_map(self) -> None:
+        self.maps.append(SparseMap(self.camera, self.scales))
+        self._start = MonocularStart(self.settings.seed, self._words)
+        self._last, self._velocity = None, None
+        self._mapping.forget()
+
+    def _words(self, frame: Frame) -> Any:
+        del frame
+        return None
+
+    def _begin(self, frame: Frame) -> int:
+        """Start the map with this frame if it can be; return how many points it sees."""
+        if self.camera.baseline_m > 0:
+            began = start_with_depth(
+                self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame)
+            )
+        else:
+            began = self._start.take(self.map, frame)
+        if not began:
+            return 0
+        self._last_keyframe = frame.number
+        return frame.num_points
+
+    def _track(self, last: Frame, frame: Frame) -> int:
+        """Find out where the frame was taken; return how many points of the map hold, 0 if it is lost."""
+        last.T_camera_map = self._beside_reference @ self.map.pose_of(last.reference)
+        self.map.resolve(last)
+        held = 0
+        if self._velocity is not None:
+            predicted = (
+                _part_of(self._velocity, (frame.stamp_ns - last.stamp_ns) / self._velocity_ns) @ last.T_camera_map
+            )
+            if track_motion(self.map, last, frame, predicted, self.settings.tracking):
+                held = track_local_map(self.map, frame, self.settings.tracking)
+        if held < _LEAST_HELD:
+            for keyframe in self._nearby(last):
+                frame.points[:] = -1
+                if track_keyframe(self.map, keyframe, last.T_camera_map, frame, self.settings.tracking):
+                    held = track_local_map(self.map, frame, self.settings.tracking)
+                    self.counts["frames tracked without motion model"] += 1
+                    if held >= _LEAST_HELD:
+                        break
+        if held < _LEAST_HELD:
+            self.counts["frames lost"] += 1
+            return 0
+        self._set_velocity(last, frame)
+        if needs_keyframe(self.map, frame, self._last_keyframe, held, self.settings.keyframes):
+            self._add_keyframe(frame)
+        return held
+
+    def _nearby(self, last: Frame) -> list[int]:
+        """Return keyframes to try: the last frame's reference, the newest, and the neighbours of the former."""
+        around, _ = self.map.covisible(last.reference)
+        newest = int(self.map.living_keyframes[-1])
+        return list(dict.fromkeys([last.reference, newest, *around[:3].tolist()]))
+
+    def _add_keyframe(self, frame: Frame) -> None:
+        keyframe = self.map.add_keyframe(frame, frame.reference, self._words(frame))
+        fresh = np.empty(0, dtype=np.int64)
+        if self.camera.baseline_m > 0:
+            fresh = points_from_depth(
+                self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m
+            )
+        self._mapping.insert(self.map, keyframe, fresh, frame.colours)
+        frame.points = self.map.seen[keyframe, : len(frame.features)].copy()
+        frame.T_camera_map = self.map.T_camera_map[keyframe].copy()
+        frame.reference = keyframe
+        self._last_keyframe = frame.number
+        self.counts["keyframes"] += 1
+
+    def _keep(self, frame: Frame) -> None:
+        self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
+        self._last = frame
+        self._beside_reference = self.tracked[-1].T_frame_reference
+
+    def _set_velocity(self, last: Frame, frame: Frame) -> None:
+        self._velocity = frame.T_camera_map @ np.linalg.inv(last.T_camera_map)
+        self._velocity_ns = max(frame.stamp_ns - last.stamp_ns, 1)
+
+    def finish(self) -> None:
+        """Adjust every map as a whole."""
+        for sparse_map in self.maps:
+            if len(sparse_map.living_keyframes) > 1:
+                adjust_all(sparse_map)
+
+
+def _part_of(T: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """Return a share (also more than one) of a small motion."""
+    shift, quat_xyzw = se3.to_position_quaternion(T)
+    angle = 2.0 * np.arctan2(np.linalg.norm(quat_xyzw[:3]), quat_xyzw[3])
+    axis = quat_xyzw[:3] / max(float(np.linalg.norm(quat_xyzw[:3])), 1e-12)
+    turned = np.concatenate([axis * np.sin(0.5 * share * angle), [np.cos(0.5 * share * angle)]])
+    return se3.from_position_quaternion(share * shift, turned)

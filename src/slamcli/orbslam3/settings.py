@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+"""The settings of each part, from the tier's parameters and the cameras."""
+
+from __future__ import annotations
+
+import math
+
+from slamcli.measurements import CameraRig
+from slamcli.orbslam3.keyframe_rules import KeyframeSettings
+from slamcli.orbslam3.local_mapping import MappingSettings
+from slamcli.orbslam3.parameters import OrbSlam3Parameters
+from slamcli.orbslam3.session import SessionSettings
+from slamcli.orbslam3.tracking import TrackingSettings
+from slamcli.vision.orb import OrbSettings
+from slamcli.vision.pinhole import Pinhole
+
+
+def orb_settings(parameters: OrbSlam3Parameters) -> OrbSettings:
+    """Return how key points are found."""
+    extractor = parameters.extractor
+    return OrbSettings(
+        num_features=extractor.num_features,
+        scale_factor=extractor.scale_factor,
+        num_levels=extractor.num_levels,
+        initial_threshold=extractor.initial_threshold,
+        minimum_threshold=extractor.minimum_threshold,
+    )
+
+
+def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pinhole, seed: int) -> SessionSettings:
+    """Return how a session tracks and maps; thresholds are ORB-SLAM3's for the kind of camera."""
+    mono = rig.mode == "mono"
+    close_m = math.inf if mono else parameters.device.stereo.th_depth * camera.baseline_m
+    farthest_m = parameters.system.th_far_points or math.inf
+    rate_hz = parameters.device.camera.fps or rig.rate_hz
+    return SessionSettings(
+        tracking=TrackingSettings(
+            motion_radius=7.0 if rig.mode == "stereo" else 15.0,
+            local_radius=3.0 if rig.mode == "rgbd" else 1.0,
+            close_m=close_m,
+            seed=seed,
+        ),
+        keyframes=KeyframeSettings(share=0.9 if mono else 0.75, close_m=close_m, most_gap=max(1, round(rate_hz))),
+        mapping=MappingSettings(
+            num_neighbours=20 if mono else 10,
+            close_m=close_m,
+            farthest_m=farthest_m,
+            least_observations=2 if mono else 3,
+        ),
+        close_m=close_m,
+        farthest_m=farthest_m,
+        least_start=min(500, parameters.extractor.num_features // 4),
+        seed=seed,
+    )
