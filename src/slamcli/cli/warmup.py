@@ -25,6 +25,7 @@ ROOMS = (
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "orbslam3.essential_graph",
     "orbslam3.sparse_map",
     "orbslam3.visible_points",
     "posegraph.drift",
@@ -54,8 +55,6 @@ ROOMS = (
     "vision.lens",
     "vision.matching",
     "vision.orb",
-    "vision.vocabulary",
-    "vision.vocabulary_training",
     "vision.pnp",
     "vision.pose_optimisation",
     "vision.similarity_optimisation",
@@ -63,6 +62,8 @@ ROOMS = (
     "vision.stereo_matching",
     "vision.triangulation",
     "vision.two_view",
+    "vision.vocabulary",
+    "vision.vocabulary_training",
 )
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -127,6 +128,32 @@ class SparseMap:
         self.words.append(words)
         return k
 
+    def append(self, other: SparseMap) -> tuple[int, int]:
+        """Append another map's keyframes and points, dead ones too; return what is added to the numbers of each."""
+        keyframes, points = self.num_keyframes, self.num_points
+        shifts = {
+            "seen": points,
+            "replaced_by": points,
+            "parent": keyframes,
+            "reference": keyframes,
+            "first_keyframe": keyframes,
+        }
+        for name, rows in self._columns.items():
+            values = getattr(other, name)
+            if name in shifts:
+                values = np.where(values >= 0, values + shifts[name], values)
+            if values.ndim > 1:
+                rows.widen(values.shape[1])
+                whole = np.full((len(values), *rows.values.shape[1:]), rows.fill, dtype=rows.values.dtype)
+                whole[:, : values.shape[1]] = values
+                values = whole
+            rows.append(values)
+        self.grids += other.grids
+        self.words += other.words
+        self.counts += other.counts
+        self.loop_edges += [(a + keyframes, b + keyframes) for a, b in other.loop_edges]
+        return keyframes, points
+
     def remove_keyframe(self, keyframe: int) -> None:
         """Cull a keyframe that has a parent: it sees nothing any more, its children get another parent, and its pose hangs on its own parent's."""
         parent = int(self.parent[keyframe])
@@ -185,18 +212,24 @@ class SparseMap:
         self, positions: NDArray[np.float64], keyframe: int, features: Ids, colours: NDArray[np.uint8] | None = None
     ) -> Ids:
         """Append points (N, 3), map frame, that features of a keyframe see; return their numbers."""
-        n, first = len(positions), self.num_points
-        ids = np.arange(first, first + n)
-        values: dict[str, Any] = {
+        n = len(positions)
+        ids = self.append_points({
             "positions": positions, "normals": np.zeros((n, 3)), "descriptors": self.key_descriptors[keyframe, features],
-            "near": np.zeros(n), "far": np.full(n, np.inf), "reference": np.full(n, keyframe), "point_alive": np.ones(n, dtype=np.bool_),
+            "near": np.zeros(n), "far": np.full(n, np.inf), "reference": np.full(n, keyframe),
             "visible": np.ones(n, dtype=np.int64), "found": np.ones(n, dtype=np.int64), "first_keyframe": np.full(n, keyframe),
-            "replaced_by": np.full(n, -1), "colours": np.full((n, 3), 128, dtype=np.uint8) if colours is None else colours,
-        }  # fmt: skip
-        for name, rows in values.items():
-            self._columns[name].append(rows)
+            "colours": np.full((n, 3), 128, dtype=np.uint8) if colours is None else colours,
+        })  # fmt: skip
         self.seen[keyframe, features] = ids
         return ids
+
+    def append_points(self, columns: Mapping[str, NDArray[Any]]) -> Ids:
+        """Append points given by their columns (N, ...), which nothing sees yet; return their numbers."""
+        n, first = len(columns["positions"]), self.num_points
+        for name, rows in columns.items():
+            self._columns[name].append(rows)
+        self._columns["point_alive"].append(np.ones(n, dtype=np.bool_))
+        self._columns["replaced_by"].append(np.full(n, -1))
+        return np.arange(first, first + n)
 
     def remove_points(self, ids: Ids) -> None:
         """Take points out of the map."""

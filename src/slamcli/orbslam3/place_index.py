@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: MIT
+"""Keyframes of all maps that may show the place of another: by bags of words, or by descriptors where there is no vocabulary."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.orbslam3.sparse_map import Ids, SparseMap
+from slamcli.vision.bag_of_words import BagOfWords
+from slamcli.vision.keyframe_database import KeyframeDatabase
+from slamcli.vision.matching import match_brute_force
+from slamcli.vision.vocabulary import Vocabulary
+
+_SKETCH = 150
+"""Descriptors of a keyframe that are compared where there is no vocabulary: those of its strongest features with a point."""
+_LEAST_ALIKE = 8
+"""Of them, as many must match."""
+_TH_LOW = 50
+
+
+class Place(NamedTuple):
+    """A keyframe of one of the maps."""
+
+    map_number: int
+    keyframe: int
+
+
+class PlaceIndex:
+    """All keyframes of a session, in the order in which they came: the key of a keyframe is its position in that order."""
+
+    def __init__(self, vocabulary: Vocabulary | None) -> None:
+        self._database = None if vocabulary is None else KeyframeDatabase(vocabulary)
+        self._places: list[Place] = []
+        self._keys: dict[Place, int] = {}
+        self._sketches: list[NDArray[np.uint8]] = []
+
+    def add(self, maps: Sequence[SparseMap], place: Place) -> None:
+        """Put a keyframe into the index, with what it sees now."""
+        key = len(self._places)
+        self._places.append(place)
+        self._keys[place] = key
+        sparse_map = maps[place.map_number]
+        if self._database is None:
+            self._sketches.append(_sketch(sparse_map, place.keyframe))
+        else:
+            self._database.add(key, sparse_map.words[place.keyframe])
+
+    def candidates(self, maps: Sequence[SparseMap], place: Place, *, limit: int = 3) -> tuple[list[Place], list[Place]]:
+        """Return the keyframes most likely to show the place of one that is in the index: of its own map, and of others.
+
+        Keyframes that share points with it are left out.
+        """
+        own = np.array([other.map_number == place.map_number for other in self._places])
+        usable = np.array([bool(maps[other.map_number].keyframe_alive[other.keyframe]) for other in self._places])
+        connected, _ = maps[place.map_number].covisible(place.keyframe)
+        for keyframe in (place.keyframe, *connected.tolist()):
+            if (key := self._keys.get(Place(place.map_number, keyframe))) is not None:
+                usable[key] = False
+        return (
+            self._best(maps, place, usable & own, limit),
+            self._best(maps, place, usable & ~own, limit) if not own.all() else [],
+        )
+
+    def resembling(self, maps: Sequence[SparseMap], number: int, words: BagOfWords | None, limit: int) -> list[int]:
+        """Return the keyframes of a map in which a frame with such words may be found again; none without a vocabulary."""
+        if self._database is None or words is None:
+            return []
+        usable = np.array(
+            [place.map_number == number and bool(maps[number].keyframe_alive[place.keyframe]) for place in self._places],
+            dtype=np.bool_,
+        )  # fmt: skip
+        found = self._database.relocalisation_candidates(words, lambda key: self._neighbours(maps, key), allowed=usable)
+        return [self._places[candidate.key].keyframe for candidate in found[:limit]]
+
+    def renumber(self, places: Sequence[Place]) -> None:
+        """Give the keyframes other places: maps were joined. `places` has one for each key."""
+        self._places = list(places)
+        self._keys = {place: key for key, place in enumerate(self._places)}
+
+    @property
+    def places(self) -> list[Place]:
+        """Where each keyframe is, by key."""
+        return list(self._places)
+
+    def _best(self, maps: Sequence[SparseMap], place: Place, usable: NDArray[np.bool_], limit: int) -> list[Place]:
+        if not usable.any():
+            return []
+        if self._database is None:
+            return self._alike(maps, place, usable, limit)
+        bag = maps[place.map_number].words[place.keyframe]
+        found = self._database.place_candidates(
+            bag, lambda key: self._neighbours(maps, key), excluded=~usable, limit=limit
+        )
+        return [self._places[candidate.key] for candidate in found]
+
+    def _neighbours(self, maps: Sequence[SparseMap], key: int) -> Ids:
+        """Return the keys of the keyframes that share most points with one, the best first."""
+        place = self._places[key]
+        found, _ = maps[place.map_number].covisible(place.keyframe)
+        keys = (self._keys.get(Place(place.map_number, keyframe)) for keyframe in found.tolist())
+        return np.array([key for key in keys if key is not None], dtype=np.int64)
+
+    def _alike(self, maps: Sequence[SparseMap], place: Place, usable: NDArray[np.bool_], limit: int) -> list[Place]:
+        """Return the keyframes with most matching descriptors, no two that share points."""
+        sketch = self._sketches[self._keys[place]]
+        counts = np.zeros(len(usable), np.int64)
+        for key in np.flatnonzero(usable).tolist():
+            matched = match_brute_force(sketch, self._sketches[key], max_distance=_TH_LOW, ratio=0.9)
+            counts[key] = np.count_nonzero(matched >= 0)
+        found: list[Place] = []
+        beside: set[int] = set()
+        for key in np.lexsort((np.arange(len(counts)), -counts)).tolist():
+            if len(found) == limit or counts[key] < _LEAST_ALIKE:
+                break
+            if key not in beside:
+                found.append(self._places[key])
+                beside.update(self._neighbours(maps, key).tolist())
+        return found
+
+
+def _sketch(sparse_map: SparseMap, keyframe: int) -> NDArray[np.uint8]:
+    """Return descriptors (N, 32) of a keyframe's strongest features that see a point."""
+    count = sparse_map.counts[keyframe]
+    rows = np.flatnonzero(sparse_map.seen[keyframe, :count] >= 0)
+    order = np.lexsort((rows, -sparse_map.responses[keyframe, rows]))[:_SKETCH]
+    return sparse_map.key_descriptors[keyframe, rows[order]].copy()
