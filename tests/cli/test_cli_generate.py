@@ -35,6 +35,21 @@ def test_a_person_reads_one_line_on_stderr(tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_options_of_cameras(tmp_path, capsys):
+    out = str(tmp_path / "o.mcap")
+    options = ["--camera", "stereo-inertial", "--image-size", "40x30", "--rate", "5", "--exposure", "0.02", "--motion-blur",
+               "--rolling-shutter", "0.01", "--compressed", "--set", "texture.texel=0.05", "--duration", "0.5"]  # fmt: skip
+    assert run(["generate", "visual_room", out, *options, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    wanted = {"camera.kind": "stereo", "camera.width": 40, "camera.height": 30, "camera.rate": 5.0, "imu.enabled": True,
+              "camera.exposure": 0.02, "camera.motion_blur": True, "camera.readout": 0.01, "camera.compressed": True}  # fmt: skip
+    assert {key: document["settings"][key] for key in wanted} == wanted
+    assert document["messages"]["/stereo/left/image_rect/compressed"] == 3
+    assert document["messages"]["/imu"] == 101
+    assert run(["generate", "visual_room", out, *options]) == 0
+    assert "101 IMU samples, 6 images" in capsys.readouterr().err
+
+
 def test_lists(capsys):
     assert run(["generate", "--list-worlds"]) == 0
     assert "office\n" in capsys.readouterr().out
@@ -51,6 +66,12 @@ def test_lists(capsys):
         (["office", "--set", "laser.beam=3"], 2, "laser.beams"),
         (["office", "--set", "nothing.like=3"], 2, "--list-settings"),
         (["office", "--set", "laser.beams"], 2, "KEY=VALUE"),
+        (["visual_room", "--start", "1,2"], 2, "follows the world's path"),
+        (["visual_room", "--image-size", "640"], 2, "640x480"),
+        (["visual_room", "--image-size", "8x8"], 2, "camera.width"),
+        (["visual_room", "--camera", "fish"], 2, "rgbd"),
+        (["visual_room", "--set", "camera.lens=fishy"], 2, "fisheye"),
+        (["visual_room", "--set", "camera.fov=175"], 2, "camera.lens=fisheye"),
         (["office", "--start", "1,b"], 2, "X,Y,YAW"),
         (["office", "--start", "1,nan"], 2, "X,Y,YAW"),
         (["office", "--duration", "-1"], 2, "duration"),

@@ -299,7 +299,8 @@ def test_bad_recordings(tmp_path: Path, topics: dict[str, list[Any]], error: typ
 @pytest.mark.parametrize(
     ("topics", "words"),
     [
-        (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, 2000.0) for i in range(6)]}), "is 2e+03 m typically: is the unit right"),
+        (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, 2000.0) for i in range(6)]}), "is 2e+03 m typically and 2e+03 m at most: is the unit right"),
+        (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, 0.4) for i in range(6)]}), "is 0.4 m typically"),
         (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, 0.0) for i in range(6)]}), "has depth in 0 of 48 pixels only"),
         (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, size=(16, 12)) for i in range(6)]}), "16 x 12 pixels, colour on /camera/rgb/image_raw 32 x 24"),
         (rgbd_topics(**{"/camera/rgb/image_raw": [image(i, size=(32, 24) if i != 3 else (16, 12)) for i in range(6)]}), "1 images have another size"),

@@ -12,7 +12,7 @@ from slamcli.errors import SlamcliError, UsageError
 from slamcli.formats.maps import read_map, write_map
 from slamcli.formats.trajectories import read_tum
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import ImuSample, LaserScan, Odometry
+from slamcli.measurements import Image, ImuSample, LaserScan, Odometry
 from slamcli.pipelines.generate import generate, open_world
 from slamcli.recordings import open_recording
 from slamcli.simulation import Simulation, resolve_settings
@@ -46,6 +46,30 @@ def test_what_is_read_back_is_what_was_simulated(tmp_path, name):
         np.testing.assert_array_equal(a.ranges_m, b.ranges_m)
         assert a.angle_increment_rad == pytest.approx(b.angle_increment_rad)
         assert a.time_increment_s == pytest.approx(b.time_increment_s)
+
+
+@pytest.mark.parametrize("changed", [{}, {"camera.compressed": True}, {"depth.encoding": "32FC1"}])
+def test_images_are_read_back_as_they_were_taken(tmp_path, changed):
+    small = {"camera.width": 40, "camera.height": 30, "camera.rate": 4, "texture.texel": 0.05, **changed}
+    for folder in ("a", "b"):
+        generate("visual_room", tmp_path / folder / "o.mcap", seed=3, duration_s=0.5, settings=small)
+    assert (tmp_path / "a" / "o.mcap").read_bytes() == (tmp_path / "b" / "o.mcap").read_bytes()
+    world = open_world("visual_room")
+    simulation = Simulation(world, resolve_settings(world.settings, small), seed=3, duration_s=0.5)
+    taken = [m for m in simulation.messages() if isinstance(m.measurement, Image)]
+    with open_recording(tmp_path / "a" / "o.mcap") as recording:
+        topics = [t.name for t in recording.topics(Image)]
+        read = list(recording.measurements(topics))
+        assert recording.frames().lookup("body", "camera_color_optical_frame")[:3, 3].tolist() == [0.05, 0.03, 0.02]
+        info = next(iter(recording.measurements(["/camera/color/camera_info"])))
+    assert info.intrinsics[0, 0] == pytest.approx(20 / np.tan(np.radians(32.5)))
+    for message, found in zip(taken, read, strict=True):
+        image, metres = message.measurement, found.encoding == "depth"
+        wanted = image.pixels / 1000 if image.pixels.dtype == np.uint16 else image.pixels
+        if not metres and changed.get("camera.compressed"):  # JPEG, and blue first
+            assert np.abs(found.pixels[..., ::-1].astype(float) - wanted).mean() < 6
+        else:
+            np.testing.assert_allclose(found.pixels, wanted, atol=6e-4 if metres else 0)
 
 
 @pytest.mark.parametrize("name", ["out.bag", "out.mcap", "out.db3"])

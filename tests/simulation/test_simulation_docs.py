@@ -11,7 +11,7 @@ import pytest
 
 from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_tum
-from slamcli.measurements import LaserScan
+from slamcli.measurements import Image, LaserScan
 from slamcli.parameters import declarations
 from slamcli.recordings import open_recording
 from slamcli.simulation import SimulationParameters, load_world
@@ -55,3 +55,20 @@ def test_samples_fit_their_truth_and_map(name):
     assert truth.stamps_ns.tolist() == stamps
     rc = grid.map_to_cell(truth.poses_se2[:, :2])
     np.testing.assert_array_equal(grid.cells[rc[:, 0], rc[:, 1]], 0)
+
+
+def test_the_sample_of_a_camera_fits_its_truth():
+    truth = read_tum(ROOT / "sample_data" / "desk_rgbd.truth.tum")
+    with open_recording(ROOT / "sample_data" / "desk_rgbd.mcap") as recording:
+        topics = sorted(t.name for t in recording.topics(Image))
+        assert topics == [
+            "/camera/aligned_depth_to_color/image_raw/compressedDepth",
+            "/camera/color/image_raw/compressed",
+        ]
+        images = {topic: list(recording.measurements([topic])) for topic in topics}
+    for found in images.values():
+        assert [image.stamp_ns for image in found] == truth.stamps_ns.tolist()
+        assert {image.pixels.shape[:2] for image in found} == {(240, 320)}
+    depth = images[topics[0]][0].pixels
+    assert 0.5 < np.median(depth[depth > 0]) < 2.5
+    assert (ROOT / "sample_data" / "desk_rgbd.mcap").stat().st_size < 3e6

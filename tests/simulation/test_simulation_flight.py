@@ -103,6 +103,18 @@ def test_the_imu_integrates_to_the_truth(tmp_path):
     assert np.linalg.norm(last.position_m - truth[0].position_m) > 0.2
 
 
+def test_clock_and_bias_of_the_imu(tmp_path):
+    plain, late = (
+        [m for m in made(tmp_path, **{"clock.imu_offset": offset}).messages() if m.topic == "/imu"]
+        for offset in (0.0, 0.3)
+    )
+    assert {b.measurement.stamp_ns - a.measurement.stamp_ns for a, b in zip(plain, late, strict=True)} == {300_000_000}
+    assert [m.log_time_ns for m in plain] == [m.log_time_ns for m in late]
+    wandering = [m for m in made(tmp_path, **{"imu.gyro_walk": 0.01}).messages() if m.topic == "/imu"]
+    steps = np.diff([b.measurement.angular_rad_s - a.measurement.angular_rad_s for a, b in zip(plain, wandering, strict=True)], axis=0)  # fmt: skip
+    assert steps.std() == pytest.approx(0.01 / np.sqrt(200), rel=0.05)
+
+
 def test_the_seed_changes_the_sway_only():
     one, other, calm = flight(seed=1), flight(seed=2), flight(carried__sway=0.0, carried__shake=0.0)
     times = one.motion.times_s
@@ -118,6 +130,7 @@ def test_the_seed_changes_the_sway_only():
         ("[0, 2, 1, -100]", "[0, 2]", r"path.poses\[3\].*\[x, y, z, yaw\]"),
         ("closed: true", "loop: true", "did you mean|known are"),
         ("rounds: 2", "rounds: 0", "path.rounds"),
+        ("laser:", "start: [0, 0, 0]\nlaser:", "start: is for robots that drive"),
         (", [2, 2, 1.1, 150, 0, 4], [0, 2, 1, -100]", "", "at least 3"),
         ("[2, 0, 1.2, 60]", "[0, 0, 1, 0, 5]", "the same"),
         ("[2, 0, 1.2, 60]", "[2, -6, 1.2, 60]", "passes through something"),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
+from slamcli.vision.bag_of_words import BagOfWords
 from slamcli.vision.keyframe_database import KeyframeDatabase
 from slamcli.vision.matching import match_brute_force
 from slamcli.vision.vocabulary import Vocabulary
@@ -67,6 +68,17 @@ class PlaceIndex:
             self._best(maps, place, usable & own, limit),
             self._best(maps, place, usable & ~own, limit) if not own.all() else [],
         )
+
+    def resembling(self, maps: Sequence[SparseMap], number: int, words: BagOfWords | None, limit: int) -> list[int]:
+        """Return the keyframes of a map in which a frame with such words may be found again; none without a vocabulary."""
+        if self._database is None or words is None:
+            return []
+        usable = np.array(
+            [place.map_number == number and bool(maps[number].keyframe_alive[place.keyframe]) for place in self._places],
+            dtype=np.bool_,
+        )  # fmt: skip
+        found = self._database.relocalisation_candidates(words, lambda key: self._neighbours(maps, key), allowed=usable)
+        return [self._places[candidate.key].keyframe for candidate in found[:limit]]
 
     def renumber(self, places: Sequence[Place]) -> None:
         """Give the keyframes other places: maps were joined. `places` has one for each key."""

@@ -18,6 +18,8 @@ from slamcli.recordings.camera_topics import find_model
 
 ROBOT_FRAMES = ("base_link", "base_footprint", "base")
 BODY_FRAMES = ("body", "imu0", "imu")
+# Depth cameras see from about 0.3 m to 10 m: a scene that lies beyond this as a whole is in another unit, or outdoors.
+_NEAR_M, _FAR_M = 1.0, 8.0
 _CAMERA_OPTION = "give it with --camera FILE (a camera_calibration, ORB-SLAM or Kalibr YAML), or name its topic with --camera-info-topic"
 
 
@@ -212,11 +214,11 @@ def tell_depth_unit(recording: Recording, depth: Image) -> None:
             f"the first depth image on {depth.topic} has depth in {len(values)} of {depth.pixels[::4, ::4].size} pixels only"
         )
         return
-    typical = float(np.median(values))
-    if not 0.15 < typical < 30.0:
+    typical, far = (float(value) for value in np.percentile(values, (50, 98)))
+    if typical > _FAR_M or far < _NEAR_M:
         recording.log.warn(
-            f"depth on {depth.topic} is {typical:.3g} m typically: is the unit right? Give raw units per metre with"
-            " --depth-scale (1000 for millimetres, 5000 for TUM RGB-D, 1 for metres)"
+            f"depth on {depth.topic} is {typical:.3g} m typically and {far:.3g} m at most: is the unit right? Give raw units"
+            " per metre with --depth-scale (1000 for millimetres, 5000 for TUM RGB-D, 1 for metres)"
         )
 
 

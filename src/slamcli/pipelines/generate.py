@@ -104,6 +104,8 @@ def generate(
     place = open_world(world)
     record_path = Path(path).with_suffix(".run.json")
     _check_outputs(find_world(world), path, record_path, truth, map_path)
+    if start is not None and place.path is not None:
+        raise UsageError(f"world {place.name}: --start is for robots that drive; this rig follows the world's path")
     if start is not None:
         place = dataclasses.replace(place, start=start)
     parameters = resolve_settings(place.settings, settings or {})

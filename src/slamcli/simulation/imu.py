@@ -23,7 +23,7 @@ def inertial(
     """Return angular velocity and specific force, each (N, 3), in the IMU's frame (axes as base_link's).
 
     The force at rest on level ground is +9.80665 m/s^2 up (REP 145). Biases are drawn once; white noise has the deviation
-    density * sqrt(rate).
+    density * sqrt(rate); the biases' random walks begin at zero.
     """
     p = parameters
     angular, force = _planar(ride, times_s, p) if ride.is_level else _spatial(ride, times_s, p)
@@ -31,7 +31,8 @@ def inertial(
     noise = rng.standard_normal((len(times_s), 6)) * np.sqrt(p.imu_rate)
     angular = angular + biases[:3] * p.imu_gyro_bias + noise[:, :3] * p.imu_gyro_noise
     force = force + biases[3:] * p.imu_accel_bias + noise[:, 3:] * p.imu_accel_noise
-    return angular, force
+    walks = np.cumsum(rng.standard_normal((len(times_s), 6)), axis=0) / np.sqrt(p.imu_rate)
+    return angular + walks[:, :3] * p.imu_gyro_walk, force + walks[:, 3:] * p.imu_accel_walk
 
 
 def _planar(ride: Ride, times_s: Array, parameters: SimulationParameters) -> tuple[Array, Array]:

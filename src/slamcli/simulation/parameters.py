@@ -152,6 +152,8 @@ class SimulationParameters(CameraParameters):
     imu_gyro_bias: float = number("imu.gyro_bias", 0.005, "rad/s", "Standard deviation of its constant bias.")
     imu_accel_noise: float = number("imu.accel_noise", 2e-3, "m/s^2/sqrt(Hz)", "White noise density of acceleration.")
     imu_accel_bias: float = number("imu.accel_bias", 0.05, "m/s^2", "Standard deviation of its constant bias.")
+    imu_gyro_walk: float = number("imu.gyro_walk", 0.0, "rad/s^2/sqrt(Hz)", "Random walk of the gyroscope's bias.")
+    imu_accel_walk: float = number("imu.accel_walk", 0.0, "m/s^3/sqrt(Hz)", "Random walk of the other's bias.")
     imu_x: float = number("imu.x", 0.0, "m", "Mount, forward of base_link.", None)
     imu_y: float = number("imu.y", 0.0, "m", "Mount, left of base_link.", None)
     imu_z: float = number("imu.z", 0.2, "m", "Mount, above base_link.", None)

@@ -242,11 +242,12 @@ class Simulation:
     def _inertial(self) -> Iterator[Message]:
         times = self._times(self.parameters.imu_rate)
         angular, force = imu.inertial(self.ride, times, self.parameters, self._stream("imu"))
-        for stamp, turn, pull in zip(self._stamps_ns(times).tolist(), angular, force, strict=True):
+        stamps = self._stamps_ns(times, self.parameters.clock_imu_offset).tolist()
+        for stamp, log, turn, pull in zip(stamps, self._stamps_ns(times).tolist(), angular, force, strict=True):
             sample = ImuSample(
                 stamp_ns=stamp, frame_id=imu.FRAME, angular_rad_s=turn, acceleration_m_s2=pull, topic=imu.TOPIC
             )
-            yield Message(stamp, imu.TOPIC, sample)
+            yield Message(log, imu.TOPIC, sample)
 
 
 def _in_order(messages: Iterator[Message], late_ns: int) -> Iterator[Message]:

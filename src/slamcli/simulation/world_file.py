@@ -105,7 +105,7 @@ class _Reader(FileValues):
             if "waypoints" in route
             else np.zeros((0, 2)),
             rounds=int(self.number(route.get("rounds", 1), "route.rounds", 1, 1000)),
-            path=self.path_in_space(document["path"]) if "path" in document else None,
+            path=self.path_in_space(document) if "path" in document else None,
             walkers=tuple(self.walker(w, f"walkers[{i}]") for i, w in enumerate(self.items(document, "walkers"))),
             settings=self.settings(document),
         )
@@ -113,8 +113,10 @@ class _Reader(FileValues):
             return world
         return dataclasses.replace(world, relief=ReliefReader(self.path).relief(document["relief"], plan, world))
 
-    def path_in_space(self, value: Any) -> CarriedPath:
-        path = self.mapping(value, "path", ("poses", "closed", "rounds"), ("poses",))
+    def path_in_space(self, document: Mapping[str, Any]) -> CarriedPath:
+        for key in [k for k in ("start", "route") if k in document]:
+            self.fail(key, "is for robots that drive; a world with `path` has none")
+        path = self.mapping(document["path"], "path", ("poses", "closed", "rounds"), ("poses",))
         rows = []
         for i, row in enumerate(self.items(path, "poses")):
             size = len(row) if isinstance(row, list) and len(row) in (4, 5, 6) else 4

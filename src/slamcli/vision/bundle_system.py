@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.vision import _bundle_kernels as kernels
+from slamcli.vision import _observation_kernels as observations
 from slamcli.vision.bundle_problem import BundleProblem
 from slamcli.vision.camera_system import CameraSystem
 
@@ -70,7 +71,7 @@ class BundleSystem:
         size = len(free) + self._calibrate
         pairs = np.eye(size, dtype=np.bool_)
         pairs[:, len(free) :] = True
-        kernels.mark_pairs(starts, columns[problem.camera_index[order]], pairs)
+        observations.mark_pairs(starts, columns[problem.camera_index[order]], pairs)
         self.system = CameraSystem(pairs, shared=self._calibrate)
         self.free = free
         """int64 (F,), cameras that move."""
@@ -131,7 +132,7 @@ class BundleSystem:
     def step(self, state: BundleState, steps: Floats, robust: bool) -> tuple[BundleState, float]:
         """Return the state after the cameras' steps (F, 6), by rank, and those of the points that follow, and its cost."""
         poses = np.empty_like(state.poses)
-        kernels.move_cameras(state.poses, self.camera_ranks, steps, poses)
+        observations.move_cameras(state.poses, self.camera_ranks, steps, poses)
         camera = state.camera + steps[-1, :5] if self._calibrate else state.camera
         moved = BundleState(poses=poses, points=state.points, camera=camera)
         points, cost = self.follow(moved, steps, robust)
@@ -167,7 +168,7 @@ class BundleSystem:
 def _sorted(keys: Integers, size: int) -> tuple[Integers, Integers]:
     """Return a stable order (M,) by keys below `size`, and where each key begins (size + 1,)."""
     order, starts = np.empty(len(keys), np.int64), np.empty(size + 1, np.int64)
-    kernels.sort_stably(np.ascontiguousarray(keys, np.int64), size, order, starts)
+    observations.sort_stably(np.ascontiguousarray(keys, np.int64), size, order, starts)
     return order, starts
 
 
