@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_fram
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
-from slamcli.orbslam3.loop_closing import Closure, LoopClosing
+from slamcli.orbslam3.loop_closing import Closure
 from slamcli.orbslam3.place_settings import PlaceSettings
+from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
+from slamcli.orbslam3.relocalisation import RelocalisationSettings
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.orbslam3.tracking import TrackingSettings, track_keyframe, track_local_map, track_motion
-from slamcli.vision.bag_of_words import BagOfWords, bag_of_words
+from slamcli.vision.bag_of_words import BagOfWords
 from slamcli.vision.pinhole import Pinhole
 from slamcli.vision.vocabulary import Vocabulary
 
@@ -43,6 +45,7 @@ class SessionSettings:
     seed: int = 0
     places: PlaceSettings | None = None
     """How places are recognised; None: loops are not closed, maps not joined."""
+    lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
 
 
 class Session:
@@ -55,11 +58,11 @@ class Session:
         settings: SessionSettings,
         vocabulary: Vocabulary | None = None,
     ) -> None:
-        self.camera, self.scales, self.settings, self.vocabulary = camera, scales, settings, vocabulary
+        self.camera, self.scales, self.settings = camera, scales, settings
         self.counts: Counter[str] = Counter()
         self.closures: list[Closure] = []
         """Loops that were closed and maps that were joined."""
-        self._closing = None if settings.places is None else LoopClosing(vocabulary, settings.places, self.counts)
+        self._places = Places(vocabulary, settings.places, settings.lost, self.counts)
         self.maps: list[SparseMap] = []
         self.tracked: list[TrackedFrame] = []
         self.untracked: list[int] = []
@@ -96,11 +99,10 @@ class Session:
         self._start = MonocularStart(self.settings.seed, self._words)
         self._last, self._velocity = None, None
         self._mapping.forget()
-        if self._closing is not None:
-            self._closing.forget()
+        self._places.forget()
 
     def _words(self, frame: Frame) -> BagOfWords | None:
-        return None if self.vocabulary is None else bag_of_words(self.vocabulary, frame.features.descriptors)
+        return self._places.words(frame)
 
     def _begin(self, frame: Frame) -> int:
         """Start the map with this frame if it can be; return how many points it sees."""
@@ -165,7 +167,7 @@ class Session:
 
     def _recognise(self, keyframe: int) -> int:
         """Close the loop or join the maps if the keyframe shows a known place; return its number then."""
-        closure = None if self._closing is None else self._closing.insert(self.maps, keyframe)
+        closure = self._places.insert(self.maps, keyframe)
         if closure is None:
             return keyframe
         self._follow(closure)
@@ -193,7 +195,7 @@ class Session:
 
     def finish(self) -> None:
         """Close what could still be closed, and adjust every map as a whole."""
-        if self._closing is not None and (closure := self._closing.finish(self.maps)) is not None:
+        if (closure := self._places.finish(self.maps)) is not None:
             self._follow(closure)
         for sparse_map in self.maps:
             if len(sparse_map.living_keyframes) > 1:
