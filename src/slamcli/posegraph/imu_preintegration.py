@@ -96,7 +96,7 @@ def preintegrate(
     Rates and forces are constant within a step and forces act half way through its rotation (second order). Where samples
     are missing, the covariance grows with the change across the gap; what to do about `gaps_s` is the caller's choice.
     """
-    begins, ends = np.atleast_1d(np.asarray(begins_ns, np.int64)), np.atleast_1d(np.asarray(ends_ns, np.int64))
+    begins, ends = (np.atleast_1d(np.ascontiguousarray(stamps, np.int64)) for stamps in (begins_ns, ends_ns))
     count = len(begins)
     off = np.ascontiguousarray(np.broadcast_to(np.asarray(biases, np.float64), (count, 6)))
     _check(samples, begins, ends, off)
@@ -113,7 +113,7 @@ def preintegrate(
         gaps_s=np.empty(count),
     )  # fmt: skip
     kernels.preintegrate(
-        np.ascontiguousarray(samples.stamps_ns), np.ascontiguousarray(samples.angular_rad_s),
+        np.ascontiguousarray(samples.stamps_ns, np.int64), np.ascontiguousarray(samples.angular_rad_s),
         np.ascontiguousarray(samples.acceleration_m_s2), begins, ends, starts, off, densities,
         round(1e9 / noise.frequency_hz), out.rotations, out.velocities, out.positions, out.jacobians, out.covariances,
         out.gaps_s,

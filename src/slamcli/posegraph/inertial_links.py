@@ -108,9 +108,10 @@ def link_residuals(
     rows = count if derivatives else 0
     out, by_gravity = np.zeros((count, 15)), np.zeros((rows, 15, 3))
     by_first, by_second = np.zeros((rows, 15, 15)), np.zeros((rows, 15, 15))
+    columns = (states.rotations, states.positions, states.velocities, states.biases, gravity_map)
     kernels.residuals(
         links.first, links.second, m.seconds, m.rotations, m.velocities, m.positions, m.jacobians, m.biases, links.roots,
-        states.rotations, states.positions, states.velocities, states.biases, np.asarray(gravity_map, np.float64),
+        *(np.ascontiguousarray(column, np.float64) for column in columns),
         out, by_first, by_second, by_gravity,
     )  # fmt: skip
     return out, by_first, by_second, by_gravity
@@ -129,6 +130,18 @@ def moved_states(states: InertialStates, steps: Floats) -> InertialStates:
         rotations=states.rotations @ rotation_of(steps[:, :3]), positions=states.positions + steps[:, 3:6],
         velocities=states.velocities + steps[:, 6:9], biases=states.biases + steps[:, 9:],
     )  # fmt: skip
+
+
+def gravity_axes(gravity: Floats) -> Floats:
+    """Return two unit vectors (3, 2) perpendicular to gravity and to each other."""
+    first = np.cross(gravity, np.eye(3)[int(np.argmin(np.abs(gravity)))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(first, gravity) / np.linalg.norm(gravity)], axis=1)
+
+
+def gravity_turns(gravity: Floats) -> Floats:
+    """Return how gravity changes (3, 2) when it is turned about its `gravity_axes`."""
+    return np.stack([np.cross(axis, gravity) for axis in gravity_axes(gravity).T], axis=1)
 
 
 def warm() -> None:

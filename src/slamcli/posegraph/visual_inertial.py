@@ -17,7 +17,14 @@ from slamcli.measurements import ImuNoise
 from slamcli.posegraph import _visual_inertial_kernels as kernels
 from slamcli.posegraph.imu_preintegration import preintegrate
 from slamcli.posegraph.imu_samples import ImuSamples
-from slamcli.posegraph.inertial_links import InertialStates, link_residuals, link_states, rotation_of
+from slamcli.posegraph.inertial_links import (
+    InertialStates,
+    gravity_axes,
+    gravity_turns,
+    link_residuals,
+    link_states,
+    rotation_of,
+)
 from slamcli.posegraph.visual_inertial_problem import VisualInertialProblem, VisualInertialResult
 from slamcli.vision.bundle_problem import BundleProblem
 from slamcli.vision.bundle_system import BundleState, BundleSystem
@@ -187,7 +194,7 @@ class _System:
             out[:, :, begin : begin + 6] = by[:, :, :6] @ turns[end]
             out[:, :, begin + 6 : begin + 9] = by[:, :, 6:9]
             out[:, :, begin + 12 : begin + 18] = by[:, :, 9:]
-        out[:, :, 36:38] = by_gravity @ _downward(state.gravity)
+        out[:, :, 36:38] = by_gravity @ gravity_turns(state.gravity)
         return values, out
 
     def _camera_turns(self, state: _State) -> Floats:
@@ -217,7 +224,7 @@ class _System:
         velocities[self.moving] += steps[self.speeds[self.moving], :3]
         biases[self.moving] += steps[self.offs[self.moving]]
         if self.down >= 0:
-            gravity = rotation_of((_axes(gravity) @ steps[self.down, :2])[None])[0] @ gravity
+            gravity = rotation_of((gravity_axes(gravity) @ steps[self.down, :2])[None])[0] @ gravity
         moved = _State(bundle=bundle, velocities=velocities, biases=biases, gravity=gravity)
         cost += 0.5 * float(_huber(self.link_squares(moved))[1].sum())
         return moved, cost + 0.5 * float((self._prior(moved) ** 2).sum())
@@ -234,18 +241,6 @@ def _huber(squares: Floats) -> tuple[Floats, Floats]:
     bound = np.sqrt(LINK_BOUND)
     far = squares > LINK_BOUND
     return np.where(far, bound / size, 1.0), np.where(far, 2 * bound * size - LINK_BOUND, squares)
-
-
-def _axes(gravity: Floats) -> Floats:
-    """Return two unit vectors (3, 2) perpendicular to gravity and to each other."""
-    first = np.cross(gravity, np.eye(3)[int(np.argmin(np.abs(gravity)))])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(first, gravity) / np.linalg.norm(gravity)], axis=1)
-
-
-def _downward(gravity: Floats) -> Floats:
-    """Return how gravity changes (3, 2) when it is turned about `_axes`."""
-    return np.stack([np.cross(axis, gravity) for axis in _axes(gravity).T], axis=1)
 
 
 def without(
