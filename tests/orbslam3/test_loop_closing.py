@@ -127,7 +127,7 @@ def lookalike(stereo=True):
 def test_a_place_that_only_looks_the_same_changes_nothing(stereo):
     _, sparse_map = lookalike(stereo)
     settings, counts = PlaceSettings(fix_scale=stereo), Counter()
-    closing = LoopClosing(None, settings, counts)
+    closing = LoopClosing(PlaceIndex(None), settings, counts)
     T, positions, seen = (getattr(sparse_map, name).copy() for name in ("T_camera_map", "positions", "seen"))
     closures = [closing.insert([sparse_map], k) for k in range(sparse_map.num_keyframes)]
     assert closures == [None] * len(closures)
@@ -155,7 +155,7 @@ def two_maps(stereo=True):
 def test_maps_of_the_same_room_become_one(stereo):
     _, old, newer, truth = two_maps(stereo)
     settings, counts = PlaceSettings(fix_scale=stereo, least_keyframes=10), Counter()
-    closing, maps = LoopClosing(None, settings, counts), [old]
+    closing, maps = LoopClosing(PlaceIndex(None), settings, counts), [old]
     for k in range(old.num_keyframes):
         assert closing.insert(maps, k) is None
     maps.append(newer)

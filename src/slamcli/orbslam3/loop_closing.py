@@ -15,7 +15,6 @@ from slamcli.orbslam3.place_index import Place, PlaceIndex
 from slamcli.orbslam3.place_recognition import PlaceMatch, PlaceRecognition
 from slamcli.orbslam3.place_settings import PlaceSettings
 from slamcli.orbslam3.sparse_map import SparseMap
-from slamcli.vision.vocabulary import Vocabulary
 
 Floats = NDArray[np.float64]
 
@@ -50,14 +49,14 @@ _PAUSE = 5
 class LoopClosing:
     """Looks for known places, closes loops and joins maps."""
 
-    def __init__(self, vocabulary: Vocabulary | None, settings: PlaceSettings, counts: Counter[str]) -> None:
+    def __init__(self, index: PlaceIndex, settings: PlaceSettings, counts: Counter[str]) -> None:
         self._settings, self._counts = settings, counts
-        self._index = PlaceIndex(vocabulary)
+        self._index = index
         self._recognition = PlaceRecognition(self._index, settings, counts)
         self._pause, self._waiting = _PAUSE, 0
 
     def insert(self, maps: list[SparseMap], keyframe: int, *, up: list[Floats | None] | None = None) -> Closure | None:
-        """Look at the newest keyframe of the newest map; correct the maps if its place is known.
+        """Put the newest keyframe of the newest map into the index; correct the maps if its place is known.
 
         When maps are joined, the result takes the last place of `maps`, and an empty map the place of the older one.
 
@@ -72,12 +71,19 @@ class LoopClosing:
             What was done; None: nothing.
         """
         up = [None] * len(maps) if up is None else up
-        place = Place(len(maps) - 1, keyframe)
-        self._index.add(maps, place)
+        self._index.add(maps, Place(len(maps) - 1, keyframe))
         if self._waiting:
             self._waiting -= 1
             return None
-        merge, loop = self._recognition.look(maps, keyframe)
+        return self._correct(maps, *self._recognition.look(maps, keyframe), up)
+
+    def finish(self, maps: list[SparseMap], *, up: list[Floats | None] | None = None) -> Closure | None:
+        """Correct the maps by what was recognised, but not by enough keyframes before the last one came; as `insert`."""
+        return self._correct(maps, *self._recognition.remaining(maps), [None] * len(maps) if up is None else up)
+
+    def _correct(
+        self, maps: list[SparseMap], merge: PlaceMatch | None, loop: PlaceMatch | None, up: list[Floats | None]
+    ) -> Closure | None:
         if merge is not None and (closure := self._merge(maps, merge, up)) is not None:
             return closure
         return None if loop is None else self._close(maps, loop, up[-1])

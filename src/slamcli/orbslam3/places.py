@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: MIT
+"""What a session knows of places: the words of its keyframes, where a lost frame may be, which loops and maps belong together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from slamcli.orbslam3.frame import Frame
+from slamcli.orbslam3.loop_closing import Closure, LoopClosing
+from slamcli.orbslam3.place_index import Place, PlaceIndex
+from slamcli.orbslam3.place_settings import PlaceSettings
+from slamcli.orbslam3.relocalisation import Relocalisation, RelocalisationSettings, alike, relocalise
+from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.vision.bag_of_words import BagOfWords, bag_of_words
+from slamcli.vision.vocabulary import Vocabulary
+
+
+class Places:
+    """Knows places again, among all maps of a session."""
+
+    def __init__(
+        self, vocabulary: Vocabulary | None, closing: PlaceSettings | None, lost: RelocalisationSettings, counts: Counter[str]
+    ) -> None:  # fmt: skip
+        self._vocabulary, self._lost, self._counts = vocabulary, lost, counts
+        self._index = PlaceIndex(vocabulary)
+        self._closing = None if closing is None else LoopClosing(self._index, closing, counts)
+
+    def words(self, frame: Frame) -> BagOfWords | None:
+        """Return the words of a frame; None without a vocabulary."""
+        return None if self._vocabulary is None else bag_of_words(self._vocabulary, frame.features.descriptors)
+
+    def insert(self, maps: list[SparseMap], keyframe: int) -> Closure | None:
+        """Learn the newest keyframe of the newest map; correct the maps if its place is known (see `LoopClosing.insert`)."""
+        if self._closing is None:
+            self._index.add(maps, Place(len(maps) - 1, keyframe))
+            return None
+        return self._closing.insert(maps, keyframe)
+
+    def finish(self, maps: list[SparseMap]) -> Closure | None:
+        """Correct the maps by what still waits for more keyframes, though no more will come."""
+        return None if self._closing is None else self._closing.finish(maps)
+
+    def learn(self, maps: Sequence[SparseMap], number: int) -> None:
+        """Learn all living keyframes of a map that came from elsewhere."""
+        for keyframe in maps[number].living_keyframes.tolist():
+            if self._vocabulary is not None:
+                descriptors = maps[number].features(keyframe).descriptors
+                maps[number].words[keyframe] = bag_of_words(self._vocabulary, descriptors)
+            self._index.add(maps, Place(number, keyframe))
+
+    def forget(self) -> None:
+        """Begin another map."""
+        if self._closing is not None:
+            self._closing.forget()
+
+    def swap(self, one: int, other: int) -> None:
+        """Two maps changed places in the list."""
+        moved = {one: other, other: one}
+        self._index.renumber(
+            [Place(moved.get(place.map_number, place.map_number), place.keyframe) for place in self._index.places]
+        )
+
+    def find(self, maps: Sequence[SparseMap], number: int, frame: Frame) -> Relocalisation:
+        """Return where a frame is in a map: beside keyframes with the same words, else with the same descriptors."""
+        sparse_map = maps[number]
+        if not len(sparse_map.living_keyframes):
+            return Relocalisation(found=False, reason="the map is empty")
+        named = self._index.resembling(maps, number, self.words(frame), self._lost.num_candidates)
+        found = relocalise(sparse_map, frame, named, self._lost)
+        if not found.found:
+            others = [keyframe for keyframe in alike(sparse_map, frame, self._lost) if keyframe not in named]
+            again = relocalise(sparse_map, frame, others, self._lost)
+            found = again if again.found or not named else found
+        return found
