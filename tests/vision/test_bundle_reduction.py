@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import camera_scenes as scenes
 import numpy as np
 import pytest
 from test_bundle_adjustment import disturbed, half_mono, naive_residuals
 
+from slamcli.vision.bundle_problem import MONO_BOUND, STEREO_BOUND
 from slamcli.vision.bundle_reduction import BundleReduction
+from slamcli.vision.bundle_system import BundleState, BundleSystem
 from slamcli.vision.camera_system import CameraSystem
 
 pytestmark = pytest.mark.kernels
@@ -71,3 +75,50 @@ def test_solutions_are_those_of_a_naive_dense_matrix(size, band):
     np.testing.assert_allclose(found.ravel(), np.linalg.solve(dense, right.ravel()), rtol=1e-9, atol=1e-12)
     blocks[system.diagonal_slots[size // 2]] -= np.eye(6) * 1e4 * size
     assert not system.factorise(blocks)
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_costs_and_gradients_are_those_of_a_naive_loss(robust):
+    scene = half_mono(scenes.scene(4, 12, noise=2.0, seen_by=3))
+    problem = disturbed(scene, 1, distance=0.01)
+    bound = np.where(np.isnan(problem.right), MONO_BOUND, STEREO_BOUND)
+
+    def cost(step=(0.0, 0.0, 0.0)):
+        points = problem.points.copy()
+        points[5] += step
+        square = np.sum(naive_residuals(problem, problem.T_camera_map, points) ** 2, axis=1)
+        return 0.5 * np.sum(np.where(robust & (square > bound), 2 * np.sqrt(bound * square) - bound, square))
+
+    all_fixed = dataclasses.replace(problem, fixed=np.ones(4, bool))
+    system = BundleSystem(all_fixed, np.arange(12) != 5)
+    state = BundleState(
+        poses=problem.T_camera_map[:, :3].copy(), points=problem.points.copy(), camera=problem.camera.array
+    )
+    reduced = system.linearise(state, 1e9, robust)
+    assert reduced.cost == pytest.approx(cost(), rel=1e-12)
+    moved, lower = system.step(state, np.zeros((0, 6)), robust)
+    gradient = np.array([(cost(s) - cost(-s)) / 2e-6 for s in 1e-6 * np.eye(3)])
+    assert np.all((moved.points[5] - state.points[5]) * gradient < 0)  # so much damping: down each axis, a little
+    assert reduced.cost > lower > reduced.cost - 1e-6 * np.abs(gradient).sum()
+    assert np.array_equal(moved.points[np.arange(12) != 5], state.points[np.arange(12) != 5])
+
+
+@pytest.mark.parametrize(("share", "goes"), [(1.5, 1.0), (6.0, 0.25), (1000.0, 0.0)])
+def test_a_point_whose_step_does_not_pay_goes_less_far_or_stays(share, goes):
+    problem = disturbed(scenes.scene(4, 12), 4)
+    local = scenes.moved(problem.T_camera_map[1], problem.points[3])
+    problem.points[3] = scenes.moved(np.linalg.inv(problem.T_camera_map[1]), share * local)
+    held = np.zeros(12, bool)
+    system = BundleSystem(problem, held)
+    state = BundleState(
+        poses=problem.T_camera_map[:, :3].copy(), points=problem.points.copy(), camera=problem.camera.array
+    )
+    before = system.linearise(state, 0.0, False).cost
+    moved, cost = system.step(state, np.zeros((0, 6)), False)
+    error, jacobian = naive_jacobian(problem, np.zeros(0, np.int64))
+    whole = np.linalg.lstsq(jacobian[:, 9:12], -error, rcond=None)[0]
+    np.testing.assert_allclose(moved.points[3] - state.points[3], goes * whole, rtol=1e-3, atol=1e-9)
+    assert cost == pytest.approx(
+        0.5 * np.sum(naive_residuals(problem, problem.T_camera_map, moved.points) ** 2), rel=1e-9
+    )
+    assert cost < before

@@ -53,15 +53,23 @@ def test_corners_are_the_maxima_of_the_naive_scores() -> None:
         if scores[y, x] > 7 and (np.delete(scores[y - 1 : y + 2, x - 1 : x + 2].ravel(), 4) < scores[y, x]).all()
     ]
     assert len(expected) > 10
-    columns, rows, found = _corner_kernels.corners(image, 5, np.uint8(7))
+    columns, rows, found, peaks = _corner_kernels.corners(image, 5, np.uint8(7))
     assert list(zip(columns, rows, found, strict=True)) == expected
+    y, x = np.mgrid[-1:2, -1:2].reshape(2, 9).astype(np.float64)
+    design = np.column_stack([np.ones(9), x, y, x * x, y * y, x * y])
+    for (column, row, _), peak in zip(expected, peaks, strict=True):
+        fit = np.linalg.lstsq(design, scores[row - 1 : row + 2, column - 1 : column + 2].ravel().astype(float))[0]
+        hessian = np.array([[2.0 * fit[3], fit[5]], [fit[5], 2.0 * fit[4]]])
+        best = -np.linalg.solve(hessian, fit[1:3]) if np.linalg.eigvalsh(hessian).max() < -1e-9 else np.zeros(2)
+        np.testing.assert_allclose(peak, np.clip(best, -0.7, 0.7), atol=1e-9)
+    assert (np.abs(peaks) > 0.05).any(axis=1).mean() > 0.5
 
 
 @pytest.mark.kernels
 @pytest.mark.parametrize("shape", [(0, 0), (8, 8), (9, 9), (8, 40), (40, 8)])
 def test_tiny_images_have_no_corners(shape: tuple[int, int]) -> None:
-    columns, rows, found = _corner_kernels.corners(np.zeros(shape, np.uint8), 4, np.uint8(7))
-    assert len(columns) == len(rows) == len(found) == 0
+    columns, rows, found, peaks = _corner_kernels.corners(np.zeros(shape, np.uint8), 4, np.uint8(7))
+    assert len(columns) == len(rows) == len(found) == len(peaks) == 0
 
 
 @pytest.mark.kernels
@@ -123,7 +131,7 @@ def test_angles_agree_with_moments() -> None:
 @pytest.mark.kernels
 def test_descriptors_equal_those_of_opencv() -> None:
     image = texture(90, 110)
-    features = extract_orb(image, OrbSettings(num_features=60, num_levels=1)).features
+    features = extract_orb(image, OrbSettings(num_features=60, num_levels=1, subpixel=False)).features
     assert len(features) == 60
     degrees = np.degrees(features.angles)
     points = [
@@ -171,6 +179,22 @@ def test_levels_agree_on_the_place_of_a_corner() -> None:
     assert np.abs(features.pixels[corner] - 50.0).max() < 1.5 * features.sigmas[corner].max()
 
 
+def test_key_points_between_pixels_follow_a_moved_image() -> None:
+    # The same scene, drawn four times as fine and averaged, once moved by half a pixel.
+    fine = cv2.GaussianBlur(texture(480, 480, seed=5), (0, 0), 3.0)
+    still, moved = (
+        cv2.resize(fine[y : y + 400, y : y + 400], (100, 100), interpolation=cv2.INTER_AREA) for y in (20, 22)
+    )
+    errors = {}
+    for subpixel in (False, True):
+        settings = OrbSettings(num_features=80, num_levels=1, subpixel=subpixel)
+        one, two = (extract_orb(image, settings).features.pixels for image in (still, moved))
+        nearest = np.linalg.norm(one[:, None] - 0.5 - two[None], axis=2).min(axis=1)
+        errors[subpixel] = np.median(nearest)
+    assert errors[False] == pytest.approx(np.sqrt(0.5))
+    assert errors[True] < 0.4
+
+
 def test_a_mask_keeps_key_points_away() -> None:
     image = texture(200, 200)
     mask = np.zeros((200, 200), dtype=np.uint8)
@@ -199,7 +223,7 @@ def test_images_without_corners_give_nothing(image: NDArray[np.uint8]) -> None:
 
 def test_a_turned_image_keeps_its_descriptors() -> None:
     image = texture(161, 161, seed=3)
-    settings = OrbSettings(num_features=100, num_levels=1)
+    settings = OrbSettings(num_features=100, num_levels=1, subpixel=False)
     one = extract_orb(image, settings).features
     two = extract_orb(np.ascontiguousarray(np.rot90(image)), settings).features
     places = {(x, y): row for row, (x, y) in enumerate(two.pixels.tolist())}

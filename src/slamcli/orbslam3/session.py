@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +12,24 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
-from slamcli.orbslam3.frame_track import TrackedFrame, tracked_frame
+from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_frame
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
+from slamcli.orbslam3.loop_closing import Closure
+from slamcli.orbslam3.place_settings import PlaceSettings
+from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
+from slamcli.orbslam3.relocalisation import RelocalisationSettings
 from slamcli.orbslam3.sparse_map import SparseMap
+<<<<<<< HEAD
 from slamcli.orbslam3.tracking import LocalTrack, TrackingSettings, count_sightings, track_keyframe, track_local_map, track_motion
+=======
+from slamcli.orbslam3.tracking import TrackingSettings, track_keyframe, track_local_map, track_motion
+from slamcli.vision.bag_of_words import BagOfWords
+>>>>>>> main
 from slamcli.vision.pinhole import Pinhole
+from slamcli.vision.vocabulary import Vocabulary
 
 _LEAST_HELD = 30
 """Points of the local map that must hold for a frame to count as tracked."""
@@ -41,14 +50,26 @@ class SessionSettings:
     least_start: int = 500
     """Features that the first keyframe of a camera with depth needs."""
     seed: int = 0
+    places: PlaceSettings | None = None
+    """How places are recognised; None: loops are not closed, maps not joined."""
+    lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
 
 
 class Session:
     """Tracks frame after frame, and maps."""
 
-    def __init__(self, camera: Pinhole, scales: NDArray[np.float64], settings: SessionSettings) -> None:
+    def __init__(
+        self,
+        camera: Pinhole,
+        scales: NDArray[np.float64],
+        settings: SessionSettings,
+        vocabulary: Vocabulary | None = None,
+    ) -> None:
         self.camera, self.scales, self.settings = camera, scales, settings
         self.counts: Counter[str] = Counter()
+        self.closures: list[Closure] = []
+        """Loops that were closed and maps that were joined."""
+        self._places = Places(vocabulary, settings.places, settings.lost, self.counts)
         self.maps: list[SparseMap] = []
         self.tracked: list[TrackedFrame] = []
         self.untracked: list[int] = []
@@ -85,10 +106,10 @@ class Session:
         self._start = MonocularStart(self.settings.seed, self._words)
         self._last, self._velocity = None, None
         self._mapping.forget()
+        self._places.forget()
 
-    def _words(self, frame: Frame) -> Any:
-        del frame
-        return None
+    def _words(self, frame: Frame) -> BagOfWords | None:
+        return self._places.words(frame)
 
     def _begin(self, frame: Frame) -> int:
         """Start the map with this frame if it can be; return how many points it sees."""
@@ -160,11 +181,31 @@ class Session:
                 self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m
             )
         self._mapping.insert(self.map, keyframe, fresh, frame.colours)
+        keyframe = self._recognise(keyframe)
         frame.points = self.map.seen[keyframe, : len(frame.features)].copy()
         frame.T_camera_map = self.map.T_camera_map[keyframe].copy()
         frame.reference = keyframe
         self._last_keyframe = frame.number
         self.counts["keyframes"] += 1
+
+    def _recognise(self, keyframe: int) -> int:
+        """Close the loop or join the maps if the keyframe shows a known place; return its number then."""
+        closure = self._places.insert(self.maps, keyframe)
+        if closure is None:
+            return keyframe
+        self._follow(closure)
+        return keyframe + closure.keyframe_offset
+
+    def _follow(self, closure: Closure) -> None:
+        """Keep up with a correction of the maps."""
+        self.closures.append(closure)
+        if self._velocity is not None:
+            self._velocity = self._velocity.copy()
+            self._velocity[:3, 3] *= closure.length_factor
+        if closure.merged_map >= 0:
+            newest = len(self.maps) - 1
+            self.tracked = [after_merge(frame, closure, newest) for frame in self.tracked]
+            self._mapping.forget()
 
     def _keep(self, frame: Frame) -> None:
         self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
@@ -176,7 +217,9 @@ class Session:
         self._velocity_ns = max(frame.stamp_ns - last.stamp_ns, 1)
 
     def finish(self) -> None:
-        """Adjust every map as a whole."""
+        """Close what could still be closed, and adjust every map as a whole."""
+        if (closure := self._places.finish(self.maps)) is not None:
+            self._follow(closure)
         for sparse_map in self.maps:
             if len(sparse_map.living_keyframes) > 1:
                 adjust_all(sparse_map)

@@ -16,6 +16,7 @@ from numba import njit
 MONO_BOUND = 5.991  # 95 % of chi2 with 2 degrees of freedom
 STEREO_BOUND = 7.815  # with 3
 NEAREST = 1e-6  # units of the map ahead of the camera from which on a point counts as seen
+SHORTER = 2  # quarters of its step that a point tries before it stays
 BEHIND = 1e8  # chi2 of a point behind the camera, so that no step gains by putting one there
 
 
@@ -387,11 +388,17 @@ def move_points(
         d1 = (-s1 - factor[2] * d2) * factor[4]
         d0 = (-s0 - factor[0] * d1 - factor[1] * d2) * factor[3]
         cost = _point_cost(begin, end, cameras, measured, weights, poses, x + d0, y + d1, z + d2, camera, robust)
-        moved[p, 0], moved[p, 1], moved[p, 2] = x + d0, y + d1, z + d2
         if not cost <= costs[p]:
-            other = _point_cost(begin, end, cameras, measured, weights, poses, x, y, z, camera, robust)
-            if not cost <= other:
-                cost = other
-                moved[p] = points[p]
+            stays = _point_cost(begin, end, cameras, measured, weights, poses, x, y, z, camera, robust)
+            for _ in range(SHORTER):
+                if cost <= stays:
+                    break
+                d0, d1, d2 = 0.25 * d0, 0.25 * d1, 0.25 * d2
+                cost = _point_cost(
+                    begin, end, cameras, measured, weights, poses, x + d0, y + d1, z + d2, camera, robust
+                )
+            if not cost <= stays:
+                d0, d1, d2, cost = 0.0, 0.0, 0.0, stays
+        moved[p, 0], moved[p, 1], moved[p, 2] = x + d0, y + d1, z + d2
         total += cost
     return total

@@ -63,21 +63,40 @@ def _maxima_row(above, row, below, threshold, out):
 
 
 @njit(cache=True, nogil=True)
-def corners(image, border, threshold):
-    """Return columns, rows (int64) and scores (uint8) of the FAST-9/16 corners of an image (H, W) uint8, row by row.
+def _peak(above, row, below, x, out):
+    """Set `out` (2,) to where the paraboloid nearest to the 3 x 3 scores about row[x] peaks, 0.7 pixels away at most, or to 0."""
+    a, b, c = float(above[x - 1]), float(above[x]), float(above[x + 1])
+    d, e, f = float(row[x - 1]), float(row[x]), float(row[x + 1])
+    g, h, i = float(below[x - 1]), float(below[x]), float(below[x + 1])
+    slope_x, slope_y = (c + f + i - a - d - g) / 6.0, (g + h + i - a - b - c) / 6.0
+    bend_x, bend_y = (
+        (a + d + g + c + f + i - 2.0 * (b + e + h)) / 3.0,
+        (a + b + c + g + h + i - 2.0 * (d + e + f)) / 3.0,
+    )
+    twist = (a + i - c - g) / 4.0
+    determinant = bend_x * bend_y - twist * twist
+    out[0], out[1] = 0.0, 0.0
+    if determinant > 0.0 and bend_x < 0.0:
+        out[0] = min(max((twist * slope_y - bend_y * slope_x) / determinant, -0.7), 0.7)
+        out[1] = min(max((twist * slope_x - bend_x * slope_y) / determinant, -0.7), 0.7)
 
-    A corner passes `threshold` (uint8) and lies at least `border` >= 4 pixels inside; its score is the greatest among its
-    neighbours.
+
+@njit(cache=True, nogil=True)
+def corners(image, border, threshold):
+    """Return the FAST-9/16 corners of an image (H, W) uint8, row by row.
+
+    Columns and rows (int64), scores (uint8), and float64 (N, 2) how far off the pixel the score peaks. A corner passes
+    `threshold` (uint8) and lies at least `border` >= 4 pixels inside; its score is the greatest among its neighbours.
     """
     height, width = image.shape
     inner = width - 2 * border
     num_rows = height - 2 * border
     limit = max(0, inner) * max(0, num_rows) // 4 + inner + num_rows + 1 if inner > 0 and num_rows > 0 else 0
     columns, rows = np.empty(limit, np.int64), np.empty(limit, np.int64)
-    found = np.empty(limit, np.uint8)
+    found, peaks = np.empty(limit, np.uint8), np.empty((limit, 2))
     count = 0
     if limit == 0:
-        return columns, rows, found
+        return columns, rows, found, peaks
     scores = np.zeros((3, inner + 2), np.uint8)
     padded = (inner + 7) // 8 * 8
     maxima = np.zeros(padded, np.uint8)
@@ -96,8 +115,9 @@ def corners(image, border, threshold):
             for x in range(8 * word, 8 * word + 8):
                 if maxima[x] > 0:
                     columns[count], rows[count], found[count] = x + border, y - 1, maxima[x]
+                    _peak(scores[(y - 2) % 3], scores[(y - 1) % 3], scores[y % 3], x + 1, peaks[count])
                     count += 1
-    return columns[:count], rows[:count], found[:count]
+    return columns[:count], rows[:count], found[:count], peaks[:count]
 
 
 @njit(cache=True, nogil=True)

@@ -55,7 +55,7 @@ def adjust_bundle(
     -----
     Minimises half the sum of rho(|u_ij - pi(T_i, P_j)|^2 / sigma_ij^2) (Mur-Artal and Tardós, T-RO 2017, equation 6). A
     camera or point that too few observations hold is held by the damping. A point that its step would put in a worse place
-    stays where it was; one behind a camera has a constant, high cost.
+    goes a quarter or a sixteenth of it, or stays; one behind a camera has a constant, high cost.
     """
     return adjust_in_rounds(
         problem, rounds=((iterations, robust),), fixed_points=fixed_points, refine_intrinsics=refine_intrinsics,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import struct
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -83,13 +84,12 @@ def uncompress(data: bytes) -> NDArray[Any]:
     DataError
         If it is damaged, or claims more pixels than any camera has.
     """
-    import cv2
-
-    if not is_whole(data):
-        raise DataError(f"compressed image is cut off after {len(data)} bytes")
+    cv2 = _opencv()
     width, height = image_size(data)
     if width * height > _MAX_PIXELS:
         raise DataError(f"compressed image of {width} x {height} pixels is larger than any camera's")
+    if not is_whole(data):
+        raise DataError(f"compressed image of {len(data)} bytes is damaged: cut off before its end")
     try:
         raw = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
@@ -97,6 +97,15 @@ def uncompress(data: bytes) -> NDArray[Any]:
     if raw is None:
         raise DataError(f"compressed image of {len(data)} bytes is no image, or damaged")
     return np.asarray(raw)
+
+
+@cache
+def _opencv() -> Any:
+    """Return OpenCV, which writes about damaged files to the terminal unless it is told not to: they are told here."""
+    import cv2
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    return cv2
 
 
 def image_format(data: bytes, suffix: str) -> str:
