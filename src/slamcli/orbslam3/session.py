@@ -22,12 +22,15 @@ from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.relocalisation import RelocalisationSettings
 from slamcli.orbslam3.sparse_map import SparseMap
-<<<<<<< HEAD
-from slamcli.orbslam3.tracking import LocalTrack, TrackingSettings, count_sightings, track_keyframe, track_local_map, track_motion
-=======
-from slamcli.orbslam3.tracking import TrackingSettings, track_keyframe, track_local_map, track_motion
+from slamcli.orbslam3.tracking import (
+    LocalTrack,
+    TrackingSettings,
+    count_sightings,
+    track_keyframe,
+    track_local_map,
+    track_motion,
+)
 from slamcli.vision.bag_of_words import BagOfWords
->>>>>>> main
 from slamcli.vision.pinhole import Pinhole
 from slamcli.vision.vocabulary import Vocabulary
 
