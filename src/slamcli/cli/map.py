@@ -121,7 +121,9 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     help="By what its points are coloured.",
 )
 @click.option(
-    "--truth", metavar="TRAJECTORY", help="True trajectory (file, or BAG:/topic): its errors go into the report."
+    "--truth",
+    metavar="TRAJECTORY",
+    help="True trajectory (file, data-set folder, or BAG:/topic): its errors go into the report.",
 )
 @camera_options
 @seed_option

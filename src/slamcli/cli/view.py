@@ -21,7 +21,7 @@ from slamcli.cli.recording_options import recording_options
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), metavar="FILE",
-    help="Ground truth (TUM, KITTI or EuRoC), drawn in green.",
+    help="Ground truth (a TUM, KITTI or EuRoC file, or a data-set folder), drawn in green.",
 )  # fmt: skip
 @click.option(
     "--align", type=click.Choice(["auto", "fit", "start", "none"]), default="auto", show_default=True,

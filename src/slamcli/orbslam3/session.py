@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +12,33 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
-from slamcli.orbslam3.frame_track import TrackedFrame, tracked_frame
+from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_frame
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
+from slamcli.orbslam3.loop_closing import Closure
+from slamcli.orbslam3.place_settings import PlaceSettings
+from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
+from slamcli.orbslam3.relocalisation import RelocalisationSettings
 from slamcli.orbslam3.sparse_map import SparseMap
-from slamcli.orbslam3.tracking import TrackingSettings, track_keyframe, track_local_map, track_motion
+from slamcli.orbslam3.tracking import (
+    LocalTrack,
+    TrackingSettings,
+    count_sightings,
+    track_keyframe,
+    track_local_map,
+    track_motion,
+)
+from slamcli.vision.bag_of_words import BagOfWords
 from slamcli.vision.pinhole import Pinhole
+from slamcli.vision.vocabulary import Vocabulary
 
 _LEAST_HELD = 30
 """Points of the local map that must hold for a frame to count as tracked."""
+_SURELY_HELD = 100
+"""With fewer, keyframes are tried besides the motion model, and what holds most points wins: batch work has the time."""
+_NOTHING = LocalTrack(held=0, visible=np.empty(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,14 +53,26 @@ class SessionSettings:
     least_start: int = 500
     """Features that the first keyframe of a camera with depth needs."""
     seed: int = 0
+    places: PlaceSettings | None = None
+    """How places are recognised; None: loops are not closed, maps not joined."""
+    lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
 
 
 class Session:
     """Tracks frame after frame, and maps."""
 
-    def __init__(self, camera: Pinhole, scales: NDArray[np.float64], settings: SessionSettings) -> None:
+    def __init__(
+        self,
+        camera: Pinhole,
+        scales: NDArray[np.float64],
+        settings: SessionSettings,
+        vocabulary: Vocabulary | None = None,
+    ) -> None:
         self.camera, self.scales, self.settings = camera, scales, settings
         self.counts: Counter[str] = Counter()
+        self.closures: list[Closure] = []
+        """Loops that were closed and maps that were joined."""
+        self._places = Places(vocabulary, settings.places, settings.lost, self.counts)
         self.maps: list[SparseMap] = []
         self.tracked: list[TrackedFrame] = []
         self.untracked: list[int] = []
@@ -82,10 +109,10 @@ class Session:
         self._start = MonocularStart(self.settings.seed, self._words)
         self._last, self._velocity = None, None
         self._mapping.forget()
+        self._places.forget()
 
-    def _words(self, frame: Frame) -> Any:
-        del frame
-        return None
+    def _words(self, frame: Frame) -> BagOfWords | None:
+        return self._places.words(frame)
 
     def _begin(self, frame: Frame) -> int:
         """Start the map with this frame if it can be; return how many points it sees."""
@@ -104,28 +131,44 @@ class Session:
         """Find out where the frame was taken; return how many points of the map hold, 0 if it is lost."""
         last.T_camera_map = self._beside_reference @ self.map.pose_of(last.reference)
         self.map.resolve(last)
-        held = 0
-        if self._velocity is not None:
-            predicted = (
-                _part_of(self._velocity, (frame.stamp_ns - last.stamp_ns) / self._velocity_ns) @ last.T_camera_map
-            )
-            if track_motion(self.map, last, frame, predicted, self.settings.tracking):
-                held = track_local_map(self.map, frame, self.settings.tracking)
-        if held < _LEAST_HELD:
-            for keyframe in self._nearby(last):
-                frame.points[:] = -1
-                if track_keyframe(self.map, keyframe, last.T_camera_map, frame, self.settings.tracking):
-                    held = track_local_map(self.map, frame, self.settings.tracking)
-                    self.counts["frames tracked without motion model"] += 1
-                    if held >= _LEAST_HELD:
-                        break
-        if held < _LEAST_HELD:
+        best = self._by_motion(last, frame)
+        if best.held < _SURELY_HELD:
+            best = self._by_keyframes(last, frame, best)
+        if best.held < _LEAST_HELD:
             self.counts["frames lost"] += 1
             return 0
+        count_sightings(self.map, frame, best.visible)
         self._set_velocity(last, frame)
-        if needs_keyframe(self.map, frame, self._last_keyframe, held, self.settings.keyframes):
+        if needs_keyframe(self.map, frame, self._last_keyframe, best.held, self.settings.keyframes):
             self._add_keyframe(frame)
-        return held
+        return best.held
+
+    def _by_motion(self, last: Frame, frame: Frame) -> LocalTrack:
+        """Track the frame from where the motion so far puts it."""
+        if self._velocity is None:
+            return _NOTHING
+        share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
+        predicted = _part_of(self._velocity, share) @ last.T_camera_map
+        if not track_motion(self.map, last, frame, predicted, self.settings.tracking):
+            return _NOTHING
+        return track_local_map(self.map, frame, self.settings.tracking)
+
+    def _by_keyframes(self, last: Frame, frame: Frame, best: LocalTrack) -> LocalTrack:
+        """Track the frame from what keyframes look like, and keep what holds most points: that or `best`, which it stands at."""
+        kept = (frame.T_camera_map, frame.points.copy(), frame.reference)
+        found = False
+        for keyframe in self._nearby(last):
+            if not track_keyframe(self.map, keyframe, last.T_camera_map, frame, self.settings.tracking):
+                continue
+            track = track_local_map(self.map, frame, self.settings.tracking)
+            if track.held > best.held:
+                best, found = track, True
+                kept = (frame.T_camera_map, frame.points.copy(), frame.reference)
+            if best.held >= _SURELY_HELD:
+                break
+        frame.T_camera_map, frame.points, frame.reference = kept
+        self.counts["frames tracked without motion model"] += found
+        return best
 
     def _nearby(self, last: Frame) -> list[int]:
         """Return keyframes to try: the last frame's reference, the newest, and the neighbours of the former."""
@@ -141,11 +184,31 @@ class Session:
                 self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m
             )
         self._mapping.insert(self.map, keyframe, fresh, frame.colours)
+        keyframe = self._recognise(keyframe)
         frame.points = self.map.seen[keyframe, : len(frame.features)].copy()
         frame.T_camera_map = self.map.T_camera_map[keyframe].copy()
         frame.reference = keyframe
         self._last_keyframe = frame.number
         self.counts["keyframes"] += 1
+
+    def _recognise(self, keyframe: int) -> int:
+        """Close the loop or join the maps if the keyframe shows a known place; return its number then."""
+        closure = self._places.insert(self.maps, keyframe)
+        if closure is None:
+            return keyframe
+        self._follow(closure)
+        return keyframe + closure.keyframe_offset
+
+    def _follow(self, closure: Closure) -> None:
+        """Keep up with a correction of the maps."""
+        self.closures.append(closure)
+        if self._velocity is not None:
+            self._velocity = self._velocity.copy()
+            self._velocity[:3, 3] *= closure.length_factor
+        if closure.merged_map >= 0:
+            newest = len(self.maps) - 1
+            self.tracked = [after_merge(frame, closure, newest) for frame in self.tracked]
+            self._mapping.forget()
 
     def _keep(self, frame: Frame) -> None:
         self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
@@ -157,7 +220,9 @@ class Session:
         self._velocity_ns = max(frame.stamp_ns - last.stamp_ns, 1)
 
     def finish(self) -> None:
-        """Adjust every map as a whole."""
+        """Close what could still be closed, and adjust every map as a whole."""
+        if (closure := self._places.finish(self.maps)) is not None:
+            self._follow(closure)
         for sparse_map in self.maps:
             if len(sparse_map.living_keyframes) > 1:
                 adjust_all(sparse_map)

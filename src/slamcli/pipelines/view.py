@@ -18,6 +18,7 @@ from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
 from slamcli.outputs import atomic_file
+from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import Alignment, laid_over
 from slamcli.pipelines.view_source import default_output, find_kind
 from slamcli.reports.figures import map_png, raster, track
@@ -49,7 +50,7 @@ class ViewOptions:
     """How to draw."""
 
     truth: Path | None = None
-    """Ground truth to draw beside the trajectory."""
+    """Ground truth to draw beside the trajectory: whatever `load_trajectory` takes, a data-set folder too."""
     align: Alignment = "auto"
     """How what is drawn beside the first trajectory is laid over it; auto is fit for files, and start for those topics
     of a recording that are in another frame."""
@@ -150,7 +151,7 @@ def read_truth(options: ViewOptions, base: Trajectory | None, log: RunLog) -> tu
     """Return name and trajectory of the ground truth that was asked for, laid over `base`."""
     if options.truth is None:
         return None
-    truth = read_trajectory(options.truth, log=log)
+    truth = load_trajectory(options.truth, log=log)
     return laid_over(base, "ground truth", truth, options.align, log) if base is not None else ("ground truth", truth)
 
 
@@ -231,7 +232,7 @@ def _draw_cloud(source: Path, options: ViewOptions, log: RunLog) -> tuple[bytes,
     points = read_cloud(source).points_m
     if not len(points):
         raise UsageError(f"{source}: a point cloud without points")
-    truth = None if options.truth is None else read_trajectory(options.truth, log=log)
+    truth = None if options.truth is None else load_trajectory(options.truth, log=log)
     image = cloud_view(points, (0, 1), trajectory=truth, max_pixels=options.max_pixels)
     low, high = points.min(axis=0), points.max(axis=0)
     return raster.png(image), {"points": len(points), "low_m": low.tolist(), "high_m": high.tolist()}

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.formats.trajectories import read_trajectory
 from slamcli.geometry import se3
 from slamcli.measurements import LaserScan, Odometry, StampedPose
+from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import laid_over
+from slamcli.pipelines.view_images import image_rows
 from slamcli.pipelines.view_recorded_map import last_map
 from slamcli.recordings import Recording, Topic, open_recording
 from slamcli.recordings.laser_mount import find_laser_mount
 from slamcli.reports.figures import raster, timeline, track
+from slamcli.reports.figures.strip import strip_image
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
@@ -58,7 +60,7 @@ class _Count:
 
 
 def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
-    """Return a PNG and facts of a recording: topics by log time; odometry with scans on it where it has them.
+    """Return a PNG and facts of a recording: topics by log time, what its cameras saw, odometry with scans on it.
 
     The first odometry topic (or transforms, or poses) places the scans; other odometry and pose topics are drawn beside it.
     """
@@ -73,6 +75,9 @@ def draw_recording(sources: Sequence[Path], options: ViewOptions, log: RunLog) -
         span_s = max(high - low, 0) / 1e9
         picture = timeline.timeline_image(_rows(recording, counts), span_s, title)
         facts: dict[str, Any] = {"duration_s": span_s, "topics": _topic_facts(recording, counts)}
+        with log.stage("images"):
+            strip = strip_image(image_rows(recording, options.start_s, options.duration_s))
+        picture = timeline.stacked(picture, strip) if strip.size else picture
         with log.stage("odometry and scans"):
             drawn = _paths_and_scans(recording, options, log)
         _lay_over(drawn, options, log)
@@ -186,7 +191,7 @@ def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) ->
 def _lay_over(drawn: _Drawn, options: ViewOptions, log: RunLog) -> None:
     """Move what is drawn beside the first path into its frame."""
     if options.truth is not None:
-        drawn.truth = ("ground truth", read_trajectory(options.truth, log=log))
+        drawn.truth = ("ground truth", load_trajectory(options.truth, log=log))
     if not drawn.paths:
         return
     first = drawn.paths[0][1]
