@@ -11,7 +11,8 @@ from slamcli.orbslam3.inertial_state import Imu, MapInertia
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 from slamcli.posegraph.visual_inertial import adjust_visual_inertial
 from slamcli.posegraph.visual_inertial_problem import VisualInertialProblem
-from slamcli.vision.bundle_adjustment import BundleProblem, BundleResult, adjust_bundle
+from slamcli.vision.bundle_adjustment import adjust_bundle
+from slamcli.vision.bundle_problem import BundleProblem, BundleResult
 
 Floats = NDArray[np.float64]
 LOCAL = 12
@@ -50,11 +51,10 @@ class InertialSolver:
         self, sparse_map: SparseMap, inertia: MapInertia, imu: Imu, keyframes: Ids, *, held: Ids, whole: bool
     ) -> None:
         """Take the keyframes with states, in the order of time; those `held` keep velocity and biases."""
-        assert inertia.gravity_map is not None
         self._map, self._inertia, self._imu, self._whole = sparse_map, inertia, imu, whole
         self._keyframes, self._held = keyframes, np.isin(keyframes, held)
         self._velocities, self._biases = inertia.velocities(keyframes), inertia.biases(keyframes)
-        self._gravity = inertia.gravity_map
+        self._gravity = inertia.gravity
         stamps = sparse_map.stamp_ns[keyframes]
         self._samples = imu.buffer.samples(int(stamps[0]) if len(stamps) else None)
         self.mean_square = 0.0

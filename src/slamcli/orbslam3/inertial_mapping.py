@@ -46,7 +46,13 @@ class InertialMapping:
         """Return whether a map knows gravity."""
         return self.of(sparse_map).gravity_map is not None
 
-    def predicted(self, sparse_map: SparseMap, stamp_ns: int, *, longest_s: float = LONGEST_RECKONING_S) -> Floats | None:
+    def gravity(self, sparse_map: SparseMap) -> Floats | None:
+        """Return gravity float64 (3,), pointing down in a map; None if it is not known."""
+        return self.of(sparse_map).gravity_map
+
+    def predicted(
+        self, sparse_map: SparseMap, stamp_ns: int, *, longest_s: float = LONGEST_RECKONING_S
+    ) -> Floats | None:
         """Return T_camera_map (4, 4) at a time, from the newest keyframe on; None if the IMU cannot tell."""
         inertia = self.of(sparse_map)
         known = inertia.known(sparse_map)
@@ -100,30 +106,31 @@ class InertialMapping:
                 return 1.0
             adjust_all_inertially(sparse_map, inertia, self.imu, rounds=(10, 10))
             self._counts["maps aligned with the IMU"] += 1
-            return 1.0 if self.imu.fixed_scale else scale
+            return scale
         seconds = (int(sparse_map.stamp_ns[keyframe]) - inertia.began_ns) * 1e-9
         if inertia.adjusted < len(_ADJUSTED_S) and seconds >= _ADJUSTED_S[inertia.adjusted]:
             inertia.adjusted += 1
             adjust_all_inertially(sparse_map, inertia, self.imu, rounds=(5, 10))
         return 1.0
 
-    def finish(self, sparse_map: SparseMap) -> bool:
-        """Adjust a whole map for the last time; return False if it is not aligned: it is for the cameras then."""
-        inertia = self.of(sparse_map)
+    def finish(self, sparse_map: SparseMap) -> float | None:
+        """Adjust a whole map for the last time; return by how much it was scaled, or None if it is for the cameras alone."""
+        inertia, scale = self.of(sparse_map), 1.0
         if inertia.gravity_map is None:
-            scale = align_map(sparse_map, inertia, self.imu)
-            if scale is None:
-                return False
+            found = align_map(sparse_map, inertia, self.imu)
+            if found is None:
+                return None
+            scale = found
+            self._counts["maps aligned with the IMU"] += 1
         adjust_all_inertially(sparse_map, inertia, self.imu)
-        return True
+        return scale
 
     def _begin_state(self, sparse_map: SparseMap, keyframe: int) -> None:
         """Give a new keyframe the velocity that its predecessor and the samples in between say, and its biases."""
         inertia = self.of(sparse_map)
         known = inertia.known(sparse_map)
         before = known[-1:]
-        biases, gravity = inertia.biases(before), inertia.gravity_map
-        assert gravity is not None
+        biases, gravity = inertia.biases(before), inertia.gravity
         begin, end = sparse_map.stamp_ns[before[0]], sparse_map.stamp_ns[keyframe]
         motion = preintegrate(
             self.imu.buffer.samples(int(begin)), np.array([begin]), np.array([end]), biases, self.imu.noise

@@ -8,7 +8,13 @@ import numpy as np
 from slamcli.errors import EstimationError
 from slamcli.orbslam3.inertial_state import Imu, MapInertia
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
-from slamcli.posegraph.inertial_alignment import AlignmentSettings, InertialAlignment, VisualPoses, align_inertial, objection
+from slamcli.posegraph.inertial_alignment import (
+    AlignmentSettings,
+    InertialAlignment,
+    VisualPoses,
+    align_inertial,
+    objection,
+)
 
 _LEAST_KEYFRAMES = 10
 _LEAST_S, _LEAST_S_WITH_DEPTH = 2.0, 1.0

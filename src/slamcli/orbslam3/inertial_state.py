@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.errors import EstimationError
 from slamcli.measurements import ImuNoise
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 from slamcli.posegraph.imu_samples import ImuBuffer
@@ -52,6 +53,19 @@ class MapInertia:
         self._known = np.zeros(0, np.bool_)
         self._values = np.zeros((0, 9))
         self._turns = np.zeros((0, 3, 3))
+
+    @property
+    def gravity(self) -> Floats:
+        """The same, where it must be known.
+
+        Raises
+        ------
+        EstimationError
+            If it is not.
+        """
+        if self.gravity_map is None:
+            raise EstimationError("the map is not aligned with the IMU: " + self.objection)
+        return self.gravity_map
 
     def known(self, sparse_map: SparseMap) -> Ids:
         """Return the living keyframes with velocity and biases, in the order of time."""
