@@ -10,7 +10,6 @@ from dataclasses import replace
 from slamcli.measurements import ImuSample, Measurement
 from slamcli.recordings import Topic
 
-
 _MOST_WAITING = 10_000
 """Gyroscope samples that wait for an accelerometer that pauses: memory must not grow."""
 
