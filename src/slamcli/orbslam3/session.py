@@ -19,11 +19,14 @@ from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
 from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.sparse_map import SparseMap
-from slamcli.orbslam3.tracking import TrackingSettings, track_keyframe, track_local_map, track_motion
+from slamcli.orbslam3.tracking import LocalTrack, TrackingSettings, count_sightings, track_keyframe, track_local_map, track_motion
 from slamcli.vision.pinhole import Pinhole
 
 _LEAST_HELD = 30
 """Points of the local map that must hold for a frame to count as tracked."""
+_SURELY_HELD = 100
+"""With fewer, keyframes are tried besides the motion model, and what holds most points wins: batch work has the time."""
+_NOTHING = LocalTrack(held=0, visible=np.empty(0, dtype=np.int64))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,28 +107,44 @@ class Session:
         """Find out where the frame was taken; return how many points of the map hold, 0 if it is lost."""
         last.T_camera_map = self._beside_reference @ self.map.pose_of(last.reference)
         self.map.resolve(last)
-        held = 0
-        if self._velocity is not None:
-            predicted = (
-                _part_of(self._velocity, (frame.stamp_ns - last.stamp_ns) / self._velocity_ns) @ last.T_camera_map
-            )
-            if track_motion(self.map, last, frame, predicted, self.settings.tracking):
-                held = track_local_map(self.map, frame, self.settings.tracking)
-        if held < _LEAST_HELD:
-            for keyframe in self._nearby(last):
-                frame.points[:] = -1
-                if track_keyframe(self.map, keyframe, last.T_camera_map, frame, self.settings.tracking):
-                    held = track_local_map(self.map, frame, self.settings.tracking)
-                    self.counts["frames tracked without motion model"] += 1
-                    if held >= _LEAST_HELD:
-                        break
-        if held < _LEAST_HELD:
+        best = self._by_motion(last, frame)
+        if best.held < _SURELY_HELD:
+            best = self._by_keyframes(last, frame, best)
+        if best.held < _LEAST_HELD:
             self.counts["frames lost"] += 1
             return 0
+        count_sightings(self.map, frame, best.visible)
         self._set_velocity(last, frame)
-        if needs_keyframe(self.map, frame, self._last_keyframe, held, self.settings.keyframes):
+        if needs_keyframe(self.map, frame, self._last_keyframe, best.held, self.settings.keyframes):
             self._add_keyframe(frame)
-        return held
+        return best.held
+
+    def _by_motion(self, last: Frame, frame: Frame) -> LocalTrack:
+        """Track the frame from where the motion so far puts it."""
+        if self._velocity is None:
+            return _NOTHING
+        share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
+        predicted = _part_of(self._velocity, share) @ last.T_camera_map
+        if not track_motion(self.map, last, frame, predicted, self.settings.tracking):
+            return _NOTHING
+        return track_local_map(self.map, frame, self.settings.tracking)
+
+    def _by_keyframes(self, last: Frame, frame: Frame, best: LocalTrack) -> LocalTrack:
+        """Track the frame from what keyframes look like, and keep what holds most points: that or `best`, which it stands at."""
+        kept = (frame.T_camera_map, frame.points.copy(), frame.reference)
+        found = False
+        for keyframe in self._nearby(last):
+            if not track_keyframe(self.map, keyframe, last.T_camera_map, frame, self.settings.tracking):
+                continue
+            track = track_local_map(self.map, frame, self.settings.tracking)
+            if track.held > best.held:
+                best, found = track, True
+                kept = (frame.T_camera_map, frame.points.copy(), frame.reference)
+            if best.held >= _SURELY_HELD:
+                break
+        frame.T_camera_map, frame.points, frame.reference = kept
+        self.counts["frames tracked without motion model"] += found
+        return best
 
     def _nearby(self, last: Frame) -> list[int]:
         """Return keyframes to try: the last frame's reference, the newest, and the neighbours of the former."""

@@ -40,6 +40,16 @@ class TrackingSettings:
     seed: int = 0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalTrack:
+    """What tracking the local map came to."""
+
+    held: int
+    """Points that the frame sees where they should be."""
+    visible: Ids
+    """Points that it should have seen."""
+
+
 def track_motion(
     sparse_map: SparseMap, last: Frame, frame: Frame, predicted: NDArray[np.float64], settings: TrackingSettings
 ) -> bool:
@@ -176,22 +186,20 @@ def local_keyframes(sparse_map: SparseMap, frame: Frame) -> Ids:
     return np.concatenate([first, second])
 
 
-def track_local_map(sparse_map: SparseMap, frame: Frame, settings: TrackingSettings) -> int:
-    """Find more points of the local map in the frame and refine its pose with all of them; return how many hold.
+def track_local_map(sparse_map: SparseMap, frame: Frame, settings: TrackingSettings) -> LocalTrack:
+    """Find more points of the local map in the frame and refine its pose with all of them.
 
-    Sets the frame's pose, points and reference keyframe; counts which points should have been seen and which were.
+    Sets the frame's pose, points and reference keyframe.
     """
     keyframes = local_keyframes(sparse_map, frame)
     if not len(keyframes):
-        return 0
+        return LocalTrack(held=0, visible=np.empty(0, dtype=np.int64))
     frame.reference = int(keyframes[0])
     ids = sparse_map.points_of(keyframes)
     matched = frame.points[frame.points >= 0]
     fresh = np.ones(sparse_map.num_points, dtype=np.bool_)
     fresh[matched] = False
-    sparse_map.visible[matched] += 1
     seen = visible_points(sparse_map, ids[fresh[ids]], frame.T_camera_map)
-    sparse_map.visible[seen.ids] += 1
     radius = np.where(seen.cosines > 0.998, 2.5, 4.0) * settings.local_radius * sparse_map.scales[seen.octaves]
     found = search_by_projection(
         seen.pixels, radius, seen.octaves - 1, seen.octaves, sparse_map.descriptors[seen.ids], frame.features, frame.grid,
@@ -199,7 +207,14 @@ def track_local_map(sparse_map: SparseMap, frame: Frame, settings: TrackingSetti
     )  # fmt: skip
     hits = np.flatnonzero(found >= 0)
     frame.points[found[hits]] = seen.ids[hits]
-    return refine_pose(sparse_map, frame)
+    held = refine_pose(sparse_map, frame)
+    return LocalTrack(held=held, visible=np.concatenate([matched, seen.ids]))
+
+
+def count_sightings(sparse_map: SparseMap, frame: Frame, visible: Ids) -> None:
+    """Note which points a tracked frame should have seen, and which it did."""
+    sparse_map.visible[visible] += 1
+    sparse_map.found[frame.points[frame.points >= 0]] += 1
 
 
 def refine_pose(sparse_map: SparseMap, frame: Frame) -> int:
@@ -214,5 +229,4 @@ def refine_pose(sparse_map: SparseMap, frame: Frame) -> int:
     )  # fmt: skip
     frame.T_camera_map = estimate.T_camera_map
     frame.points[features[~estimate.inliers]] = -1
-    sparse_map.found[ids[estimate.inliers]] += 1
     return int(estimate.inliers.sum())
