@@ -57,14 +57,14 @@ class Places:
             [Place(moved.get(place.map_number, place.map_number), place.keyframe) for place in self._index.places]
         )
 
-    def find(self, maps: Sequence[SparseMap], number: int, frame: Frame) -> Relocalisation:
-        """Return where a frame is in a map: beside keyframes with the same words, else with the same descriptors."""
+    def find(self, maps: Sequence[SparseMap], number: int, frame: Frame, *, thorough: bool = True) -> Relocalisation:
+        """Return where a frame is in a map: beside keyframes with the same words, else (`thorough`, slow) with the same descriptors."""
         sparse_map = maps[number]
         if not len(sparse_map.living_keyframes):
             return Relocalisation(found=False, reason="the map is empty")
         named = self._index.resembling(maps, number, self.words(frame), self._lost.num_candidates)
         found = relocalise(sparse_map, frame, named, self._lost)
-        if not found.found:
+        if thorough and not found.found:
             others = [keyframe for keyframe in alike(sparse_map, frame, self._lost) if keyframe not in named]
             again = relocalise(sparse_map, frame, others, self._lost)
             found = again if again.found or not named else found
