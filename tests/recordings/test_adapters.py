@@ -36,7 +36,7 @@ from slamcli.recordings.adapters import (
     message_factory,
 )
 from slamcli.recordings.adapters import image as image_adapter
-from slamcli.recordings.adapters.compressed_image import image_size
+from slamcli.recordings.adapters.compressed_image import damage_of, image_size
 from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
@@ -628,3 +628,17 @@ def test_landmarks_under_the_fields_old_name() -> None:
     (read,) = landmark_list.ADAPTER.decode(message, STAMP, _context())
     assert read.frame_id == "camera"
     assert [(seen.id, seen.translation_weight, seen.rotation_weight) for seen in read.observations] == [("a", 3.0, 4.0)]
+
+
+def test_damage_that_shows_without_decoding() -> None:
+    import cv2
+
+    png = bytes(cv2.imencode(".png", np.arange(600, dtype=np.uint8).reshape(20, 30))[1])
+    jpeg = bytes(cv2.imencode(".jpg", np.zeros((20, 30), np.uint8))[1])
+    assert damage_of(png) == damage_of(jpeg) == damage_of(b"P5 1 1 255 0") == damage_of(png + b"behind the end") == ""
+    assert damage_of(png[:-5]) == f"damaged (cut off after {len(png) - 5} bytes)"
+    assert damage_of(jpeg[:-2]) == f"damaged (cut off after {len(jpeg) - 2} bytes)"
+    at = png.index(b"IDAT") + 8
+    assert damage_of(png[:at] + bytes([png[at] ^ 1]) + png[at + 1 :]) == f"damaged (checksum of IDAT at byte {at - 12})"
+    remark = b"\0\0\0\x01tEXtx" + bytes(4)  # its checksum is wrong, which harms no pixel
+    assert damage_of(png[:33] + remark + png[33:]) == ""

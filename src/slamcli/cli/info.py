@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, verbosity: int) -> int:
     """Say what a recording or a saved state holds, and which SLAM systems can run on it.
 
-    BAG is a ROS 1 bag, a ROS 2 folder or file, an MCAP file, or a CARMEN or exp*.dat log; several files are read as one
-    recording. Of recordings over 64 MB only the index and the first seconds are read, unless --full is given. BAG may also be one state that Cartographer or
+    BAG is a ROS 1 bag, a ROS 2 folder or file, an MCAP file, a data-set folder (TUM RGB-D, EuRoC, TUM-VI, KITTI odometry, 7-Scenes,
+    ICL-NUIM), or a CARMEN or exp*.dat log; several files are read as one recording. Of recordings over 64 MB only the index and the first seconds are read, unless --full is given. BAG may also be one state that Cartographer or
     `slamcli map --algo cartographer` saved (.pbstream).
     """
     from slamcli.recordings import open_recording

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.orbslam3.frame import Frame
+from slamcli.orbslam3.loop_closing import Closure
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 from slamcli.vision.pose_optimisation import optimise_pose
 
@@ -50,6 +51,22 @@ def tracked_frame(sparse_map: SparseMap, map_number: int, frame: Frame) -> Track
         pixels=frame.features.pixels[rows],
         right=frame.features.right[rows],
         sigmas=frame.features.sigmas[rows],
+    )
+
+
+def after_merge(frame: TrackedFrame, closure: Closure, newest: int) -> TrackedFrame:
+    """Return a frame in the numbers that keyframes and points have since the newest map took another one in."""
+    if frame.map_number == closure.merged_map:
+        return replace(frame, map_number=newest)
+    if frame.map_number != newest:
+        return frame
+    beside = frame.T_frame_reference.copy()
+    beside[:3, 3] *= closure.length_factor
+    return replace(
+        frame,
+        reference=frame.reference + closure.keyframe_offset,
+        points=frame.points + closure.point_offset,
+        T_frame_reference=beside,
     )
 
 

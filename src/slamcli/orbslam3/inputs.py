@@ -39,6 +39,11 @@ def plan_inputs(parameters: OrbSlam3Parameters, offer: SensorOffer, log: RunLog)
         log.note(
             f"mode {mode}{'-inertial' if use_imu else ''}, as the recording has {_what(offer)} (choose with --mode)"
         )
+        if offer.imu and not use_imu:
+            log.note(
+                "the IMU is left out, as its noise or its place at the camera is not known"
+                f" (--mode {mode}-inertial uses it, with the noise of IMU.NoiseGyro and the like)"
+            )
     return InputPlan(
         parameters=parameters,
         num_laser_scans=0,

@@ -75,10 +75,26 @@ class LoopClosing:
         if self._waiting:
             self._waiting -= 1
             return None
-        merge, loop = self._recognition.look(maps, keyframe)
+        return self._correct(maps, *self._recognition.look(maps, keyframe), up)
+
+    def finish(self, maps: list[SparseMap], *, up: list[Floats | None] | None = None) -> Closure | None:
+        """Correct the maps by what was recognised, but not by enough keyframes before the last one came; as `insert`."""
+        return self._correct(maps, *self._recognition.remaining(maps), [None] * len(maps) if up is None else up)
+
+    def _correct(
+        self, maps: list[SparseMap], merge: PlaceMatch | None, loop: PlaceMatch | None, up: list[Floats | None]
+    ) -> Closure | None:
         if merge is not None and (closure := self._merge(maps, merge, up)) is not None:
             return closure
         return None if loop is None else self._close(maps, loop, up[-1])
+
+    def join(self, maps: list[SparseMap]) -> Closure | None:
+        """Look at every keyframe of the newest map, which the index holds, and join the map with the first that surely shows one's place."""
+        for keyframe in maps[-1].living_keyframes.tolist():
+            match = self._recognition.elsewhere(maps, keyframe)
+            if match is not None and (closure := self._merge(maps, match, [None] * len(maps))) is not None:
+                return closure
+        return None
 
     def forget(self) -> None:
         """Begin another map."""

@@ -37,17 +37,21 @@ class PlaceIndex:
         self._places: list[Place] = []
         self._keys: dict[Place, int] = {}
         self._sketches: list[NDArray[np.uint8]] = []
+        self._known: dict[int, int] = {}
+        """Keyframes of each map that are in the index: those below."""
 
     def add(self, maps: Sequence[SparseMap], place: Place) -> None:
-        """Put a keyframe into the index, with what it sees now."""
-        key = len(self._places)
-        self._places.append(place)
-        self._keys[place] = key
+        """Put a keyframe into the index, with what it sees now, and those before it that are not there yet."""
         sparse_map = maps[place.map_number]
-        if self._database is None:
-            self._sketches.append(_sketch(sparse_map, place.keyframe))
-        else:
-            self._database.add(key, sparse_map.words[place.keyframe])
+        for keyframe in range(self._known.get(place.map_number, 0), place.keyframe + 1):
+            key = len(self._places)
+            self._places.append(Place(place.map_number, keyframe))
+            self._keys[self._places[-1]] = key
+            if self._database is None:
+                self._sketches.append(_sketch(sparse_map, keyframe))
+            else:
+                self._database.add(key, sparse_map.words[keyframe])
+        self._known[place.map_number] = place.keyframe + 1
 
     def candidates(self, maps: Sequence[SparseMap], place: Place, *, limit: int = 3) -> tuple[list[Place], list[Place]]:
         """Return the keyframes most likely to show the place of one that is in the index: of its own map, and of others.
@@ -80,6 +84,9 @@ class PlaceIndex:
         """Give the keyframes other places: maps were joined. `places` has one for each key."""
         self._places = list(places)
         self._keys = {place: key for key, place in enumerate(self._places)}
+        self._known = {}
+        for place in self._places:
+            self._known[place.map_number] = max(self._known.get(place.map_number, 0), place.keyframe + 1)
 
     @property
     def places(self) -> list[Place]:

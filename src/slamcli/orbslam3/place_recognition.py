@@ -80,6 +80,33 @@ class PlaceRecognition:
             loop = loop or self._search("loop", maps, keyframe, own)
         return merge, loop
 
+    def elsewhere(self, maps: Sequence[SparseMap], keyframe: int) -> PlaceMatch | None:
+        """Return the place of another map that a keyframe of the newest surely shows, however few keyframes that has."""
+        self._pending.clear()
+        _, others = self._index.candidates(maps, Place(len(maps) - 1, keyframe), limit=self._settings.num_candidates)
+        found = self._search("merge", maps, keyframe, others)
+        self._pending.clear()
+        return found
+
+    def remaining(self, maps: Sequence[SparseMap]) -> tuple[PlaceMatch | None, PlaceMatch | None]:
+        """Return what still waits for more keyframes though no more will come, if at least one other keyframe agrees."""
+        return self._settle("merge", maps), self._settle("loop", maps)
+
+    def _settle(self, kind: str, maps: Sequence[SparseMap]) -> PlaceMatch | None:
+        """Return a match that waits, found anew on the maps as they are now."""
+        pending = self._pending.pop(kind, None)
+        if pending is None or not maps[-1].keyframe_alive[pending.match.keyframe]:
+            return None
+        keyframe, place = pending.match.keyframe, pending.match.place
+        other = maps[place.map_number]
+        together = other is maps[-1] and place.keyframe in other.covisible(keyframe)[0]
+        if together or not other.keyframe_alive[place.keyframe]:
+            return None
+        S = maps[-1].T_camera_map[keyframe] @ inverse(pending.T_camera_map) @ pending.match.S_camera_other
+        region = region_around(other, place.keyframe, self._settings.region_size)
+        found = self._refine(maps, keyframe, place, S, region)
+        return found if found is not None and found.verified else None
+
     def _search(
         self, kind: str, maps: Sequence[SparseMap], keyframe: int, candidates: list[Place]
     ) -> PlaceMatch | None:

@@ -37,6 +37,14 @@ class Places:
             return None
         return self._closing.insert(maps, keyframe)
 
+    def finish(self, maps: list[SparseMap]) -> Closure | None:
+        """Correct the maps by what still waits for more keyframes, though no more will come."""
+        return None if self._closing is None else self._closing.finish(maps)
+
+    def join(self, maps: list[SparseMap]) -> Closure | None:
+        """Join the newest map with another if any of its keyframes shows a place of that one; all keyframes are known already."""
+        return None if self._closing is None else self._closing.join(maps)
+
     def learn(self, maps: Sequence[SparseMap], number: int) -> None:
         """Learn all living keyframes of a map that came from elsewhere."""
         for keyframe in maps[number].living_keyframes.tolist():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
-from slamcli.orbslam3.frame_track import TrackedFrame, tracked_frame
+from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_frame
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
@@ -60,9 +60,9 @@ class SessionSettings:
     least_start: int = 500
     """Features that the first keyframe of a camera with depth needs."""
     seed: int = 0
-    closing: PlaceSettings | None = field(default_factory=PlaceSettings)
-    """None: loops are not closed, and maps not joined."""
-    relocalisation: RelocalisationSettings = field(default_factory=RelocalisationSettings)
+    places: PlaceSettings | None = None
+    """How places are recognised; None: loops are not closed, maps not joined."""
+    lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
     patience_ns: int = 2_000_000_000
     """So long, and for five frames at least, a lost frame is looked for in the map; then another map is begun where the track was lost."""
     localise_only: bool = False
@@ -77,14 +77,22 @@ class Session:
     """
 
     def __init__(
-        self, camera: Pinhole, scales: NDArray[np.float64], settings: SessionSettings, *, vocabulary: Vocabulary | None = None,
+        self,
+        camera: Pinhole,
+        scales: NDArray[np.float64],
+        settings: SessionSettings,
+        vocabulary: Vocabulary | None = None,
         given: Sequence[SparseMap] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`given` are maps to go on from; they are changed."""
         self.camera, self.scales, self.settings = camera, scales, settings
         self.counts: Counter[str] = Counter()
-        self.maps: list[SparseMap] = list(given)
         self.closures: list[Closure] = []
+        """Loops that were closed and maps that were joined."""
+        self._places = Places(vocabulary, settings.places, settings.lost, self.counts)
+        self.maps: list[SparseMap] = list(given)
+        for number in range(len(self.maps)):
+            self._places.learn(self.maps, number)
         self.tracked: list[TrackedFrame] = []
         self.untracked: dict[int, Frame] = {}
         """Frames that have no pose, by number; the last 500."""
@@ -94,9 +102,6 @@ class Session:
         self._waiting: list[Frame] = []
         """Frames since the track was lost."""
         self._mapping = LocalMapping(settings.mapping, self.counts)
-        self._places = Places(vocabulary, settings.closing, settings.relocalisation, self.counts)
-        for number in range(len(self.maps)):
-            self._places.learn(self.maps, number)
         self._last: Frame | None = None
         self._beside_reference = np.eye(4)
         """T_camera_keyframe of the last frame and its reference keyframe, whose pose mapping may change."""
@@ -118,10 +123,7 @@ class Session:
 
     def _take(self, frame: Frame) -> None:
         last = self._last
-        if last is None:
-            held = self._begin(frame)
-        else:
-            held = self._track(last, frame) or self._relocalise(frame, len(self.maps) - 1)
+        held = self._begin(frame) if last is None else self._track(last, frame) or self._look_for(frame)
         self.steps[frame.number] = (held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum()))
         if held:
             self._keep(frame)
@@ -139,18 +141,22 @@ class Session:
         if len(self._waiting) < _LEAST_WAITING or frame.stamp_ns - self._last.stamp_ns < self.settings.patience_ns:
             return
         waiting, self._waiting = self._waiting, []
-        if any(self._relocalise(frame, number) for number in reversed(range(len(self.maps) - 1))):
-            self._keep(frame)
-        elif not self.settings.localise_only:
+        if not self.settings.localise_only:
             self.counts["maps begun after the track was lost"] += 1
             self._new_map()
             for other in waiting:
                 other.points[:] = -1
                 self._take(other)
 
-    def _relocalise(self, frame: Frame, number: int) -> int:
-        """Find a frame in a map by what it looks like, and go on in that map; return how many points hold, 0 if it is not there."""
+    def _look_for(self, frame: Frame) -> int:
+        """Find a lost frame in the map, or now and then in the others; return how many points hold, 0 if it is nowhere."""
         thorough = len(self._waiting) % _THOROUGH_EVERY == 0
+        others = reversed(range(len(self.maps) - 1)) if thorough else ()
+        numbers = (len(self.maps) - 1, *others)
+        return next((held for number in numbers if (held := self._relocalise(frame, number, thorough=thorough))), 0)
+
+    def _relocalise(self, frame: Frame, number: int, *, thorough: bool) -> int:
+        """Find a frame in a map by what it looks like, and go on in that map; return how many points hold, 0 if it is not there."""
         found = self._places.find(self.maps, number, frame, thorough=thorough)
         if found.T_camera_map is None or found.points is None:
             return 0
@@ -162,7 +168,6 @@ class Session:
             return 0
         self._activate(number)
         self._velocity = None
-        self._waiting = []
         self.counts["frames relocalised"] += 1
         return track.held
 
@@ -191,10 +196,8 @@ class Session:
 
     def _begin(self, frame: Frame) -> int:
         """Find the frame in another map, or start the map with it if that can be; return how many points it sees."""
-        if not self.tracked or self.settings.localise_only:  # after a loss the other maps were asked already
-            for number in reversed(range(len(self.maps) - 1)):
-                if held := self._relocalise(frame, number):
-                    return held
+        if not self.tracked and (held := self._look_for(frame)):  # after a loss the maps were asked already
+            return held
         if self.settings.localise_only:
             return 0
         if self.camera.baseline_m > 0:
@@ -267,31 +270,31 @@ class Session:
                 self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m
             )
         self._mapping.insert(self.map, keyframe, fresh, frame.colours)
-        closure = self._places.insert(self.maps, keyframe)
-        if closure is not None:
-            keyframe += closure.keyframe_offset
-            self._follow(closure)
+        keyframe = self._recognise(keyframe)
         frame.points = self.map.seen[keyframe, : len(frame.features)].copy()
         frame.T_camera_map = self.map.T_camera_map[keyframe].copy()
         frame.reference = keyframe
         self._last_keyframe = frame.number
         self.counts["keyframes"] += 1
 
+    def _recognise(self, keyframe: int) -> int:
+        """Close the loop or join the maps if the keyframe shows a known place; return its number then."""
+        closure = self._places.insert(self.maps, keyframe)
+        if closure is None:
+            return keyframe
+        self._follow(closure)
+        return keyframe + closure.keyframe_offset
+
     def _follow(self, closure: Closure) -> None:
-        """Change all that refers to maps as a loop or a merge changed them."""
+        """Keep up with a correction of the maps."""
         self.closures.append(closure)
         if self._velocity is not None:
+            self._velocity = self._velocity.copy()
             self._velocity[:3, 3] *= closure.length_factor
-        if closure.merged_map < 0:
-            return
-        newest, shift = len(self.maps) - 1, closure.point_offset
-        self._mapping.renumber(shift)
-        for row, one in enumerate(self.tracked):
-            if one.map_number == closure.merged_map:
-                self.tracked[row] = replace(one, map_number=newest)
-            elif one.map_number == newest:
-                points = np.where(one.points >= 0, one.points + shift, -1)
-                self.tracked[row] = replace(one, reference=one.reference + closure.keyframe_offset, points=points)
+        if closure.merged_map >= 0:
+            newest = len(self.maps) - 1
+            self.tracked = [after_merge(frame, closure, newest) for frame in self.tracked]
+            self._mapping.forget()
 
     def _keep(self, frame: Frame) -> None:
         self.untracked.pop(frame.number, None)
@@ -305,16 +308,25 @@ class Session:
         self._velocity_ns = max(frame.stamp_ns - last.stamp_ns, 1)
 
     def finish(self) -> None:
-        """Adjust every map as a whole, and look again for frames that have no pose."""
+        """Close what could still be closed, adjust every map as a whole, and look again for frames that have no pose."""
         if not self.settings.localise_only:
-            for sparse_map in self.maps:
-                if len(sparse_map.living_keyframes) > 1:
-                    adjust_all(sparse_map)
+            self._settle()
         found = second_look(self.maps, self.tracked, self.untracked, self.settings.tracking, _LEAST_HELD)
         self.counts["frames found at a second look"] += len(found)
         for one in found:
             del self.untracked[one.number]
         self.tracked = sorted([*self.tracked, *found], key=lambda one: one.number)
+
+    def _settle(self) -> None:
+        if (closure := self._places.finish(self.maps)) is not None:
+            self._follow(closure)
+        for number in range(len(self.maps) - 1):
+            self._activate(number)  # each map once the newest
+            if (closure := self._places.join(self.maps)) is not None:
+                self._follow(closure)
+        for sparse_map in self.maps:
+            if len(sparse_map.living_keyframes) > 1:
+                adjust_all(sparse_map)
 
 
 def _part_of(T: NDArray[np.float64], share: float) -> NDArray[np.float64]:

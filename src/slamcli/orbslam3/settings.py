@@ -9,6 +9,7 @@ from slamcli.measurements import CameraRig
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings
 from slamcli.orbslam3.local_mapping import MappingSettings
 from slamcli.orbslam3.parameters import OrbSlam3Parameters
+from slamcli.orbslam3.place_settings import PlaceSettings
 from slamcli.orbslam3.session import SessionSettings
 from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.orb import OrbSettings
@@ -51,4 +52,5 @@ def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pin
         farthest_m=farthest_m,
         least_start=min(500, parameters.extractor.num_features // 4),
         seed=seed,
+        places=PlaceSettings(fix_scale=not mono, seed=seed) if parameters.loop_closing else None,
     )

@@ -89,7 +89,7 @@ def find_camera_topics(recording: Recording, names: CameraNames) -> CameraTopics
         left, right = _named_pair(recording, names)
         return CameraTopics(colour=(left,), depth=(), pair=(left, right), modes=frozenset({"stereo", "mono"}))
     firsts = _first_images(recording, names)
-    colour = sorted((i for i in firsts if i.encoding != "depth"), key=_colour_rank)
+    colour = sorted((i for i in firsts if i.encoding != "depth"), key=lambda image: colour_name_rank(image.topic))
     colour = [i for i in colour if names.rgb is None or i.topic == _full_name(recording, names.rgb)]
     depth = [i for i in firsts if i.encoding == "depth"]
     depth = [i for i in depth if names.depth is None or i.topic == _full_name(recording, names.depth)]
@@ -159,7 +159,7 @@ def find_model(recording: Recording, image_topic: str, named: str | None = None)
 
 def _first_images(recording: Recording, names: CameraNames) -> list[Image]:
     """Return the first image of every topic that can be meant."""
-    topics = [topic for topic in recording.topics(Image) if topic.count != 0]
+    topics = sorted((t for t in recording.topics(Image) if t.count != 0), key=lambda topic: -(topic.count or 0))
     for name in (names.rgb, names.depth):
         if name is not None:
             recording.topic(name, Image)
@@ -207,8 +207,9 @@ def _pair(colour: Sequence[Image]) -> tuple[Image, Image] | None:
     return None
 
 
-def _colour_rank(image: Image) -> tuple[bool, bool, bool]:
-    name = image.topic.lower()
+def colour_name_rank(topic: str) -> tuple[bool, bool, bool]:
+    """Return how much a topic's name is that of a main camera: less comes first."""
+    name = topic.lower()
     return (
         any(word in name for word in _ODD_COLOUR),
         not any(word in name for word in _USUAL_COLOUR),
@@ -216,15 +217,17 @@ def _colour_rank(image: Image) -> tuple[bool, bool, bool]:
     )
 
 
+def depth_name_rank(topic: str) -> tuple[bool, bool]:
+    """Return how much a topic's name is that of depth registered to the colour camera: less comes first."""
+    name = topic.lower()
+    return any(word in name for word in _ODD_DEPTH), not any(word in name for word in _USUAL_DEPTH)
+
+
 def depth_rank(image: Image, colour: Image) -> tuple[bool, bool, bool, bool]:
     """Registered depth first: of the colour camera's frame and size, or named so."""
-    name = image.topic.lower()
-    return (
-        any(word in name for word in _ODD_DEPTH),
-        image.frame_id != colour.frame_id,
-        image.pixels.shape[:2] != colour.pixels.shape[:2],
-        not any(word in name for word in _USUAL_DEPTH),
-    )
+    odd, unnamed = depth_name_rank(image.topic)
+    apart = image.frame_id != colour.frame_id
+    return odd, apart, image.pixels.shape[:2] != colour.pixels.shape[:2], unnamed
 
 
 def _full_name(recording: Recording, name: str) -> str:

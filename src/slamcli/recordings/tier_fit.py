@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from slamcli.geometry.frame_tree import FrameTree
 from slamcli.measurements import CameraModel, GeoFix, Image, ImuSample, Landmarks, LaserScan, Odometry, PointCloud
-from slamcli.recordings.camera_topics import info_topic, stereo_partner
+from slamcli.recordings.camera_topics import colour_name_rank, depth_name_rank, info_topic, stereo_partner
 from slamcli.recordings.sensor_picks import lies_flat
 from slamcli.recordings.survey import TopicSurvey
 from slamcli.recordings.topic_ranks import (
@@ -66,8 +66,8 @@ def sensor_topics(surveys: Mapping[str, TopicSurvey], frames: FrameTree) -> Sens
         return tuple(topic.name for topic in ranked((surveys[name].topic for name in of(kind)), role))
 
     images = of(Image)
-    depth = [name for name in images if is_depth(surveys[name])]
-    colour = [name for name in images if name not in depth]
+    depth = sorted((name for name in images if is_depth(surveys[name])), key=depth_name_rank)
+    colour = sorted((name for name in images if name not in depth), key=colour_name_rank)
     infos = of(CameraModel)
     odometry = usable_odometry(surveys[name].topic for name in of(Odometry))
     clouds = best(PointCloud, CLOUDS)

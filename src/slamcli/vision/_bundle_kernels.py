@@ -55,19 +55,15 @@ def _observe(pose, x, y, z, measured, weight, camera, robust, out):
 
     `out` (21,) takes these eight, weighted, the point there, the weight, 1 or 0 for a right column, the three errors, and
     the derivatives by x, y and z of column, row and right column that are neither 0 nor the same.
-    Returns half the loss; behind the camera all but the point is 0.
+    Returns half the loss; behind the camera all is 0.
     """
     cx = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
     cy = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
     cz = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
     mono = math.isnan(measured[2])
     bound = MONO_BOUND if mono else STEREO_BOUND
-    out[8], out[9], out[10] = cx, cy, cz
     if not cz > NEAREST:
-        for i in range(8):
-            out[i] = 0.0
-        for i in range(11, 21):
-            out[i] = 0.0
+        out[:] = 0.0
         return 0.5 * _loss(BEHIND, bound, robust)
     inverse = 1.0 / cz
     u = camera[0] * cx * inverse + camera[2]
@@ -79,6 +75,7 @@ def _observe(pose, x, y, z, measured, weight, camera, robust, out):
         weight *= math.sqrt(bound / chi2)
     jx, jy = camera[0] * inverse, camera[1] * inverse
     jxz, jyz = -jx * cx * inverse, -jy * cy * inverse
+    out[8], out[9], out[10] = cx, cy, cz
     jr, jrz = (0.0, 0.0) if mono else (jx, jxz + camera[4] * inverse * inverse)
     out[0] = weight * (jx * jx + jr * jr)
     out[1] = weight * (jx * jxz + jr * jrz)
@@ -230,16 +227,16 @@ def _factorise_point(block, damping, factor):
 
 
 @njit(cache=True, nogil=True)
-def _solve_coupling(coupling, factor, gradient):
-    """Turn a transposed block W (3, 6) into that of W L^-T, and subtract its part from the reduced gradient (6,)."""
+def _solve_coupling(couplings, m, factor, gradients, rank):
+    """Turn the transposed block W = couplings[m] (3, 6) into that of W L^-T, and subtract its part of the gradient."""
     l10, l20, l21, i0, i1, i2 = factor[0], factor[1], factor[2], factor[3], factor[4], factor[5]
     y0, y1, y2 = factor[6], factor[7], factor[8]
     for r in range(6):
-        z0 = coupling[0, r] * i0
-        z1 = (coupling[1, r] - l10 * z0) * i1
-        z2 = (coupling[2, r] - l20 * z0 - l21 * z1) * i2
-        coupling[0, r], coupling[1, r], coupling[2, r] = z0, z1, z2
-        gradient[r] -= z0 * y0 + z1 * y1 + z2 * y2
+        z0 = couplings[m, 0, r] * i0
+        z1 = (couplings[m, 1, r] - l10 * z0) * i1
+        z2 = (couplings[m, 2, r] - l20 * z0 - l21 * z1) * i2
+        couplings[m, 0, r], couplings[m, 1, r], couplings[m, 2, r] = z0, z1, z2
+        gradients[rank, r] -= z0 * y0 + z1 * y1 + z2 * y2
 
 
 @njit(cache=True, nogil=True)
@@ -263,17 +260,9 @@ def _subtract_product(left, right, block):
 @njit(cache=True, nogil=True)
 def _eliminate(begin, end, ranks, slots, couplings, factor, blocks, gradient):
     """Subtract one point's part from the reduced system; `couplings` become W L^-T (transposed)."""
-    # the loops below are most of the work: written out, they are three times as fast as with rows given to functions
-    l10, l20, l21, i0, i1, i2 = factor[0], factor[1], factor[2], factor[3], factor[4], factor[5]
-    y0, y1, y2 = factor[6], factor[7], factor[8]
     for m in range(begin, end):
-        rank = ranks[m]
-        for r in range(6):
-            z0 = couplings[m, 0, r] * i0
-            z1 = (couplings[m, 1, r] - l10 * z0) * i1
-            z2 = (couplings[m, 2, r] - l20 * z0 - l21 * z1) * i2
-            couplings[m, 0, r], couplings[m, 1, r], couplings[m, 2, r] = z0, z1, z2
-            gradient[rank, r] -= z0 * y0 + z1 * y1 + z2 * y2
+        _solve_coupling(couplings, m, factor, gradient, ranks[m])
+    # most of the work: written out, this is three times as fast as with `_subtract_product`
     for n in range(begin, end):
         x0, x1, x2 = couplings[n, 0, 0], couplings[n, 0, 1], couplings[n, 0, 2]
         x3, x4, x5 = couplings[n, 0, 3], couplings[n, 0, 4], couplings[n, 0, 5]
@@ -298,13 +287,13 @@ def _eliminate(begin, end, ranks, slots, couplings, factor, blocks, gradient):
 
 
 @njit(cache=True, nogil=True)
-def _eliminate_shared(begin, end, ranks, slots, couplings, shared, factor, blocks, gradient):
-    """As `_eliminate`, after it, for the block of a point and the shared intrinsics, whose rank is the last."""
+def _eliminate_shared(p, begin, end, ranks, slots, couplings, shared, factor, blocks, gradient):
+    """As `_eliminate`, after it, for the block of point p and the shared intrinsics, whose rank is the last."""
     last = len(gradient) - 1
-    _solve_coupling(shared, factor, gradient[last])
+    _solve_coupling(shared, p, factor, gradient, last)
     for m in range(begin, end):
-        _subtract_product(couplings[m], shared, blocks[slots[ranks[m], last]])
-    _subtract_product(shared, shared, blocks[slots[last, last]])
+        _subtract_product(couplings[m], shared[p], blocks[slots[ranks[m], last]])
+    _subtract_product(shared[p], shared[p], blocks[slots[last, last]])
 
 
 @njit(cache=True, nogil=True)
@@ -348,7 +337,7 @@ def build(
         _factorise_point(block, damping, factors[p])
         _eliminate(begin, middle, ranks, slots, couplings, factors[p], blocks, reduced)
         if calibrate:
-            _eliminate_shared(begin, middle, ranks, slots, couplings, shared[p], factors[p], blocks, reduced)
+            _eliminate_shared(p, begin, middle, ranks, slots, couplings, shared, factors[p], blocks, reduced)
 
 
 @njit(cache=True, nogil=True)

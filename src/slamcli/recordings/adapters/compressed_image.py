@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from functools import cache
 from typing import Any
 
@@ -88,8 +89,9 @@ def uncompress(data: bytes) -> NDArray[Any]:
     width, height = image_size(data)
     if width * height > _MAX_PIXELS:
         raise DataError(f"compressed image of {width} x {height} pixels is larger than any camera's")
-    if not is_whole(data):
-        raise DataError(f"compressed image of {len(data)} bytes is damaged: cut off before its end")
+    damage = damage_of(data)
+    if damage:
+        raise DataError(f"compressed image of {len(data)} bytes is {damage}")
     try:
         raw = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
@@ -118,11 +120,33 @@ def image_format(data: bytes, suffix: str) -> str:
     return "mono16; png compressed " if data[24:26] == b"\x10\x00" else "png"
 
 
-def is_whole(data: bytes) -> bool:
-    """Return whether a PNG or JPEG file holds the mark of its end; True for other formats, which tell less."""
+def damage_of(data: bytes) -> str:
+    """Return what is wrong with a PNG or JPEG file that shows without decoding it, empty if nothing does.
+
+    A PNG is damaged if a critical chunk has another checksum than it says, or there is no end; a JPEG if it has no mark
+    of its end. Other formats tell nothing.
+    """
     if data.startswith(_PNG_MAGIC):
-        return b"IEND" in data[-1024:] or b"IEND" in data
-    return not data.startswith(_JPEG_MAGIC) or data.rfind(_JPEG_END) >= 0
+        return _png_damage(memoryview(data))
+    cut = data.startswith(_JPEG_MAGIC) and data.rfind(_JPEG_END) < 0
+    return f"damaged (cut off after {len(data)} bytes)" if cut else ""
+
+
+def _png_damage(data: memoryview) -> str:
+    position = len(_PNG_MAGIC)
+    while position + 12 <= len(data):
+        length = int.from_bytes(data[position : position + 4], "big")
+        end = position + 12 + length
+        if end > len(data):
+            break
+        kind = bytes(data[position + 4 : position + 8])
+        stored = int.from_bytes(data[end - 4 : end], "big")
+        if kind[:1].isupper() and zlib.crc32(data[position + 4 : end - 4]) != stored:
+            return f"damaged (checksum of {kind.decode('ascii', 'replace')} at byte {position})"
+        if kind == b"IEND":
+            return ""
+        position = end
+    return f"damaged (cut off after {len(data)} bytes)"
 
 
 def image_size(data: bytes) -> tuple[int, int]:

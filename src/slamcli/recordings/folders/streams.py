@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from slamcli.errors import DataError, RecordingError
 from slamcli.measurements import CameraModel, FrameTransform, ImuNoise, ImuSample, StampedPose
 from slamcli.recordings.adapters import encoder_for, message_factory
-from slamcli.recordings.adapters.compressed_image import image_format, is_whole, uncompress
+from slamcli.recordings.adapters.compressed_image import damage_of, image_format, uncompress
 from slamcli.recordings.adapters.tf_message import encode_transforms
 from slamcli.recordings.imu_noise import NOISE_SUFFIX, noise_text
 
@@ -216,7 +216,7 @@ def read_image_file(path: Path) -> bytes:
     Raises
     ------
     RecordingError
-        If it cannot be read, is empty, or ends before its image does.
+        If it cannot be read, is empty, damaged, or ends before its image does.
     """
     try:
         data = path.read_bytes()
@@ -224,8 +224,9 @@ def read_image_file(path: Path) -> bytes:
         raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
     if not data:
         raise RecordingError(f"{path}: the file is empty")
-    if not is_whole(data):
-        raise RecordingError(f"{path}: cut off after {len(data)} bytes")
+    damage = damage_of(data)
+    if damage:
+        raise RecordingError(f"{path}: {damage}")
     return data
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import DataError
 from slamcli.measurements import Image
-from slamcli.recordings.adapters.compressed_image import image_format, is_whole
+from slamcli.recordings.adapters.compressed_image import damage_of, image_format
 
 _SUFFIXES = {"jpeg": ".jpg", "png": ".png", "mono16; png compressed ": ".png"}
 _LARGEST = 65535
@@ -31,7 +31,7 @@ def file_bytes(message: Any, *, png_only: bool) -> tuple[bytes, str] | None:
         return None
     data = np.asarray(message.data, dtype=np.uint8).tobytes()
     suffix = _SUFFIXES.get(image_format(data, ""))
-    return None if suffix is None or (png_only and suffix != ".png") or not is_whole(data) else (data, suffix)
+    return None if suffix is None or (png_only and suffix != ".png") or damage_of(data) else (data, suffix)
 
 
 def png_bytes(pixels: NDArray[Any]) -> bytes:
