@@ -35,7 +35,8 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     chosen = min(frames, key=lambda number: (-frames[number], number))
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
-    T_map_start = _start(T_base_camera, upright=maker.preparation.rig.base_is_upright)
+    gravity = session.inertial.gravity(sparse_map) if session.inertial is not None else None
+    T_map_start = _start(T_base_camera, gravity, upright=maker.preparation.rig.base_is_upright)
     poses = sparse_map.poses_of_all()
     tracked = [frame for frame in session.tracked if frame.map_number == chosen]
     T_camera = np.array([final_pose(sparse_map, poses, frame, refine=True) for frame in tracked])
@@ -58,9 +59,24 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     )  # fmt: skip
 
 
-def _start(T_base_camera: NDArray[np.float64], *, upright: bool) -> NDArray[np.float64]:
-    """Return the pose of the session's first camera in a map whose z points up."""
-    return T_base_camera if upright else _UPRIGHT
+def _start(
+    T_base_camera: NDArray[np.float64], gravity: NDArray[np.float64] | None, *, upright: bool
+) -> NDArray[np.float64]:
+    """Return the pose of the session's first camera in a map whose z points up.
+
+    `gravity` (3,), pointing down in the camera's frame, says what is up where an IMU found it; the base is at the origin then,
+    and its x axis (z, should that stand upright) points ahead.
+    """
+    if gravity is None:
+        return T_base_camera if upright else _UPRIGHT
+    down = T_base_camera[:3, :3] @ gravity
+    up = -down / np.linalg.norm(down)
+    ahead = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    ahead -= (ahead @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    T_map_base = np.eye(4)
+    T_map_base[:3, :3] = np.stack([ahead, np.cross(up, ahead), up])
+    return np.asarray(T_map_base @ T_base_camera)
 
 
 def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], setup: Setup) -> Trajectory:
@@ -70,7 +86,7 @@ def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], s
 
 def _why(session: Session) -> str:
     """Return what is the likely cause."""
-    frames = len(session.untracked)
+    frames = session.num_frames
     return (
         f"of {frames} frames none had enough features that match the next one's"
         if frames
