@@ -77,9 +77,8 @@ def test_the_kernel_draws_what_its_twin_draws():
     np.testing.assert_array_equal(misses, expected[1])
     normals = rng.normal(size=(3, 3))
     counts = kernels.count_near(points, normals, np.array([0.0, 0.1, 5.0]), 0.2)
-    assert counts.tolist() == [
-        int((np.abs(points @ n - o) <= 0.2).sum()) for n, o in zip(normals, (0, 0.1, 5), strict=True)
-    ]
+    apart = [points @ n - o for n, o in zip(normals, (0, 0.1, 5), strict=True)]
+    assert counts.tolist() == [[int((np.abs(d) <= 0.2).sum()), int((d < -0.6).sum())] for d in apart]
 
 
 def test_the_floor_is_found_under_a_tilted_camera():

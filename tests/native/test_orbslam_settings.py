@@ -302,7 +302,7 @@ def test_what_the_original_stops_at_in_the_missions_file() -> None:
         (("Camera.fps: 20", "Camera.fps: 20.0"), "error", "reads a whole number"),
         (("ORBextractor.nLevels: 8", "ORBextractor.nLevels: 8.0"), "error", "must be a whole number"),
         (("Stereo.ThDepth: 60.0", "Stereo.ThDepth: 0.0"), "error", "every point counts as far"),
-        (("Stereo.ThDepth: 60.0\n", ""), "warning", "takes 0 with RGB-D"),
+        (("Stereo.ThDepth: 60.0\n", ""), "warning", "takes 0 with RGB-D (by version)"),
         (("Camera.RGB: 1", "RGBD.DepthMapFactor: 0.0"), "warning", "is taken as 1"),
         (("Camera.width: 752", "Camera.witdh: 752"), "error", "did you mean Camera.width"),
         (("Stereo.ThDepth: 60.0", "ThDepth: 60.0"), "error", "reads Stereo.ThDepth"),
@@ -314,6 +314,16 @@ def test_traps(tmp_path: Path, change: tuple[str, str], severity: str, words: st
     assert change[0] in NEW
     found = messages(tmp_path, NEW.replace(*change))
     assert any(s == severity and words in m for s, _, m in found), found
+
+
+def test_the_imu_rate_is_whole_in_one_schema_and_real_in_the_other(tmp_path: Path) -> None:
+    for text, kind in ((LEGACY, "whole"), (NEW, "real")):
+        for rate in ("200", "200.0"):
+            changed = text.replace("IMU.Frequency: 200.0\n", "") + f"IMU.Frequency: {rate}\n"
+            wrong = any(
+                "IMU.Frequency" in m and f"must be a {kind} number" in m for _, _, m in messages(tmp_path, changed)
+            )
+            assert wrong == (("." in rate) == (kind == "whole"))
 
 
 def test_launch_file_names_settings_and_vocabulary(tmp_path: Path) -> None:

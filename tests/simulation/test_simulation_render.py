@@ -12,6 +12,8 @@ from slamcli.simulation.relief import Relief, Terrain, raise_hills
 from slamcli.simulation.render import Optics, Scene
 from slamcli.simulation.surfaces import CEILING, GROUND, THING, WALL, surfaces_of
 
+pytestmark = pytest.mark.kernels
+
 FLAT = Terrain(np.zeros((2, 2)), 4.0, 0.0, 0.0)
 
 
@@ -127,19 +129,19 @@ def slanted(size, scene):
     ahead = np.stack([u, v, np.ones_like(u)], axis=-1)
     right, down = (np.broadcast_to(change, ahead.shape).copy() for change in ([step, 0.0, 0.0], [0.0, step, 0.0]))
     turn = np.array([[0.0, -0.5, 0.9], [-1, 0, 0], [0, -0.9, -0.5]])
-    poses = np.repeat(turn[None], size, axis=0), np.tile([-40.0, 2.0, 30.0], (size, 1))
+    poses = np.repeat(turn[None], size, axis=0), np.tile([-12.0, 2.0, 5.0], (size, 1))
     return scene.view(Optics(directions=ahead, right=right, down=down), *poses).light[..., 0]
 
 
 def test_a_pixel_sees_the_mean_of_what_it_covers():
-    relief = Relief(Terrain(np.zeros((2, 2)), 400.0, -200.0, -200.0))
-    scene = Scene(relief, seed=2, texel_m=0.3, plain_share=0.0, grey=True)
-    coarse, fine = slanted(24, scene), slanted(24 * 8, scene)
-    mean = fine.reshape(24, 8, 24, 8).mean(axis=(1, 3))
+    relief = Relief(Terrain(np.zeros((2, 2)), 50.0, -25.0, -25.0))
+    scene = Scene(relief, seed=2, texel_m=0.12, plain_share=0.0, grey=True)
+    coarse, fine = slanted(10, scene), slanted(80, scene)
+    mean = fine.reshape(10, 8, 10, 8).mean(axis=(1, 3))
     single = fine[4::8, 4::8]
     assert fine.std() > 20
-    assert np.abs(coarse - mean).mean() < 0.35 * np.abs(single - mean).mean()
-    assert np.abs(coarse - mean).mean() < 5
+    assert np.abs(coarse - mean).mean() < 0.5 * np.abs(single - mean).mean()
+    assert np.abs(coarse - mean).mean() < 3
 
 
 def test_edges_and_sky():

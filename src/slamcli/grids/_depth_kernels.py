@@ -56,11 +56,13 @@ def draw_view(points, camera_x, camera_y, low, high, reach, resolution, x_min, y
 
 @njit(cache=True, nogil=True)
 def count_near(points, normals, offsets, tolerance):
-    """Return int64 (S,): how many points (N, 3) lie within `tolerance` of each plane ``normal @ p = offset``."""
-    counts = np.zeros(len(offsets), np.int64)
+    """Return int64 (S, 2): how many points (N, 3) lie within `tolerance` of each plane ``normal @ p = offset``, and how many well below."""
+    counts = np.zeros((len(offsets), 2), np.int64)
     for s in range(len(offsets)):
         for n in range(len(points)):
             d = normals[s, 0] * points[n, 0] + normals[s, 1] * points[n, 1] + normals[s, 2] * points[n, 2] - offsets[s]
             if abs(d) <= tolerance:
-                counts[s] += 1
+                counts[s, 0] += 1
+            elif d < -3.0 * tolerance:
+                counts[s, 1] += 1
     return counts

@@ -64,14 +64,15 @@ def find_floor(
     if not len(normals):
         return None
     counts = kernels.count_near(points, np.ascontiguousarray(normals), np.ascontiguousarray(offsets), _TOLERANCE_M)
-    for s in np.lexsort((np.arange(len(counts)), -counts))[:20]:
-        if counts[s] < _LEAST_SHARE * len(points):
-            return None
-        normal, height = _refined(points, normals[s], float(offsets[s]))
-        apart = points @ normal - height
-        if (apart < -3.0 * _TOLERANCE_M).mean() <= _BELOW:
-            return Floor(normal=normal, height_m=height, share=float((np.abs(apart) <= _TOLERANCE_M).mean()))
-    return None
+    lowest = counts[:, 1] <= _BELOW * len(points)
+    if not lowest.any():
+        return None
+    best = int(np.argmax(np.where(lowest, counts[:, 0], -1)))
+    if counts[best, 0] < _LEAST_SHARE * len(points):
+        return None
+    normal, height = _refined(points, normals[best], float(offsets[best]))
+    share = float((np.abs(points @ normal - height) <= _TOLERANCE_M).mean())
+    return Floor(normal=normal, height_m=height, share=share)
 
 
 def _refined(

@@ -35,11 +35,12 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     chosen = min(frames, key=lambda number: (-frames[number], number))
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
+    gravity = session.inertial.gravity(sparse_map) if session.inertial is not None else None
     poses = sparse_map.poses_of_all()
     tracked = [frame for frame in session.tracked if frame.map_number == chosen]
     T_camera = np.array([final_pose(sparse_map, poses, frame, refine=True) for frame in tracked])
     seen = DepthSeen(maker, tracked, T_camera)
-    placed = _upright(maker, T_camera, sparse_map, seen, setup.seed)
+    placed = _upright(maker, T_camera, sparse_map, seen, gravity, setup.seed)
     T_map_start = placed.T_map_start
     T_map_base = T_map_start @ se3.inverse(T_camera) @ se3.inverse(T_base_camera)
     living = sparse_map.living_keyframes
@@ -62,13 +63,22 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
 
 
 def _upright(
-    maker: FrameMaker, T_camera: NDArray[np.float64], sparse_map: SparseMap, seen: DepthSeen, seed: int
+    maker: FrameMaker,
+    T_camera: NDArray[np.float64],
+    sparse_map: SparseMap,
+    seen: DepthSeen,
+    gravity: NDArray[np.float64] | None,
+    seed: int,
 ) -> Upright:
     """Return the frame of the map: z up, by what is known of it."""
     points = seen.sample() if seen else sparse_map.positions[sparse_map.point_alive]
     on_robot = maker.preparation.rig.base_is_upright
     return upright(
-        T_camera, points, T_base_camera=maker.preparation.T_base_camera if on_robot else None, gravity=None, seed=seed
+        T_camera,
+        points,
+        T_base_camera=maker.preparation.T_base_camera if on_robot else None,
+        gravity=gravity,
+        seed=seed,
     )
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from slamcli.geometry import se3
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_frame
+from slamcli.orbslam3.inertial_mapping import InertialMapping
+from slamcli.orbslam3.inertial_state import Imu
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
@@ -67,6 +69,7 @@ class Session:
         scales: NDArray[np.float64],
         settings: SessionSettings,
         vocabulary: Vocabulary | None = None,
+        imu: Imu | None = None,
     ) -> None:
         self.camera, self.scales, self.settings = camera, scales, settings
         self.counts: Counter[str] = Counter()
@@ -79,7 +82,8 @@ class Session:
         """Numbers of the frames that have no pose."""
         self.steps: list[tuple[int, int, int, int]] = []
         """Per frame: number, points that hold, keyframes alive, points alive."""
-        self._mapping = LocalMapping(settings.mapping, self.counts)
+        self.inertial = InertialMapping(imu, self.counts) if imu is not None else None
+        self._mapping = LocalMapping(settings.mapping, self.counts, self.inertial)
         self._last: Frame | None = None
         self._beside_reference = np.eye(4)
         """T_camera_keyframe of the last frame and its reference keyframe, whose pose mapping may change."""
@@ -139,17 +143,14 @@ class Session:
             return 0
         count_sightings(self.map, frame, best.visible)
         self._set_velocity(last, frame)
-        if needs_keyframe(self.map, frame, self._last_keyframe, best.held, self.settings.keyframes):
+        if self._wants_keyframe(frame, best.held):
             self._add_keyframe(frame)
         return best.held
 
     def _by_motion(self, last: Frame, frame: Frame) -> LocalTrack:
-        """Track the frame from where the motion so far puts it."""
-        if self._velocity is None:
-            return _NOTHING
-        share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
-        predicted = _part_of(self._velocity, share) @ last.T_camera_map
-        if not track_motion(self.map, last, frame, predicted, self.settings.tracking):
+        """Track the frame from where the IMU or the motion so far puts it."""
+        predicted = self._predicted(last, frame)
+        if predicted is None or not track_motion(self.map, last, frame, predicted, self.settings.tracking):
             return _NOTHING
         return track_local_map(self.map, frame, self.settings.tracking)
 
@@ -170,6 +171,22 @@ class Session:
         self.counts["frames tracked without motion model"] += found
         return best
 
+    def _predicted(self, last: Frame, frame: Frame) -> NDArray[np.float64] | None:
+        """Return where the frame should be: as the IMU says, else at the velocity so far; None without either."""
+        if self.inertial is not None:
+            predicted = self.inertial.predicted(self.map, frame.stamp_ns)
+            if predicted is not None:
+                return predicted
+        if self._velocity is None:
+            return None
+        share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
+        return _part_of(self._velocity, share) @ last.T_camera_map
+
+    def _wants_keyframe(self, frame: Frame, held: int) -> bool:
+        if needs_keyframe(self.map, frame, self._last_keyframe, held, self.settings.keyframes):
+            return True
+        return self.inertial is not None and self.inertial.wants_keyframe(self.map, frame, held)
+
     def _nearby(self, last: Frame) -> list[int]:
         """Return keyframes to try: the last frame's reference, the newest, and the neighbours of the former."""
         around, _ = self.map.covisible(last.reference)
@@ -184,6 +201,8 @@ class Session:
                 self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m
             )
         self._mapping.insert(self.map, keyframe, fresh, frame.colours)
+        if self.inertial is not None:
+            self._rescale(len(self.maps) - 1, self.inertial.after_keyframe(self.map, keyframe))
         keyframe = self._recognise(keyframe)
         frame.points = self.map.seen[keyframe, : len(frame.features)].copy()
         frame.T_camera_map = self.map.T_camera_map[keyframe].copy()
@@ -210,6 +229,20 @@ class Session:
             self.tracked = [after_merge(frame, closure, newest) for frame in self.tracked]
             self._mapping.forget()
 
+    def _rescale(self, number: int, scale: float) -> None:
+        """Keep up with a map whose lengths became `scale` times as long."""
+        if scale == 1.0:
+            return
+        self.tracked = [
+            replace(frame, T_frame_reference=_scaled(frame.T_frame_reference, scale))
+            if frame.map_number == number
+            else frame
+            for frame in self.tracked
+        ]
+        if number == len(self.maps) - 1:
+            self._beside_reference = _scaled(self._beside_reference, scale)
+            self._velocity = None if self._velocity is None else _scaled(self._velocity, scale)
+
     def _keep(self, frame: Frame) -> None:
         self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
         self._last = frame
@@ -223,9 +256,20 @@ class Session:
         """Close what could still be closed, and adjust every map as a whole."""
         if (closure := self._places.finish(self.maps)) is not None:
             self._follow(closure)
-        for sparse_map in self.maps:
+        for number, sparse_map in enumerate(self.maps):
             if len(sparse_map.living_keyframes) > 1:
-                adjust_all(sparse_map)
+                scale = self.inertial.finish(sparse_map) if self.inertial is not None else None
+                if scale is None:
+                    adjust_all(sparse_map)
+                else:
+                    self._rescale(number, scale)
+
+
+def _scaled(T: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """Return a pose with `scale` times the translation."""
+    out = T.copy()
+    out[:3, 3] *= scale
+    return out
 
 
 def _part_of(T: NDArray[np.float64], share: float) -> NDArray[np.float64]:

@@ -156,13 +156,18 @@ def _check(setting: Setting, known: Mapping[str, Declaration]) -> None:
 
 
 def _tell_what_has_no_effect(settings: Iterable[Setting], known: Mapping[str, Declaration], log: RunLog) -> None:
-    """Note what was given in vain; Lua files set everything, so of theirs only what differs from the default."""
+    """Note what was given in vain; Lua files set everything, so of theirs only what differs from the default.
+
+    What a viewer would take is named in one line.
+    """
     brief: dict[str, list[str]] = {}
     for setting in settings:
         entry = known[setting.name]
         if entry.effective:
             continue
-        if Path(setting.file).suffix != ".lua":
+        if entry.name.startswith("Viewer.") and setting.line:
+            brief.setdefault(setting.file, []).append(setting.name)
+        elif Path(setting.file).suffix != ".lua":
             log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")
         elif convert(entry, setting.value) != entry.default:
             brief.setdefault(setting.file, []).append(setting.name)

@@ -80,7 +80,7 @@ def _types(settings: Mapping[str, Setting], *, is_new: bool) -> Iterator[Finding
         if name == "Camera.fps":
             if is_new and isinstance(value, float):
                 yield at(setting, ERROR, f"Camera.fps={value!r}: schema 1.0 reads a whole number: ORB-SLAM3 stops")
-        elif name in _WHOLE:
+        elif name in _WHOLE or (name == "IMU.Frequency" and not is_new):
             if isinstance(value, float):
                 yield at(setting, ERROR, f"{shown}={value!r} must be a whole number: ORB-SLAM3 stops")
         elif isinstance(value, int) and (is_new or not name.startswith("Viewer.")):
@@ -124,7 +124,7 @@ def _missing(file: str, settings: Mapping[str, Setting], *, is_new: bool) -> Ite
             WARNING,
             file,
             0,
-            f"{name} is missing: ORB-SLAM3 stops with stereo, and takes 0 with RGB-D: every point counts as far (here 40)",
+            f"{name} is missing: ORB-SLAM3 stops, or takes 0 with RGB-D (by version): every point counts as far (here 40)",
         )
     if "Camera.bf" not in settings and "Stereo.b" not in settings and "Stereo.T_c1_c2" not in settings:
         yield Finding(

@@ -105,6 +105,10 @@ class CameraParameters:
         None, "baseline times fx (legacy; of RGB-D a virtual baseline); default: from the recording, or slamcli.virtual_baseline",
         kind=float, unit="px m", minimum=1e-6, maximum=1e6,
     )  # fmt: skip
+    fisheye: int | None = parameter(
+        None, "1: fisheye, in files of ORB-SLAM3's first version: type says it", name="bFishEye", kind=int, minimum=0,
+        maximum=1, effective=False,
+    )  # fmt: skip
     rgb: int | None = parameter(
         None, "1: colours come red first: a recording says itself how its colours come", name="RGB", kind=int, minimum=0,
         maximum=1, effective=False,
