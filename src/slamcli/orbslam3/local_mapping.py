@@ -68,6 +68,10 @@ class LocalMapping:
             adjust_local(sparse_map, keyframe, most=settings.most_local)
         self._cull_keyframes(sparse_map, keyframe)
 
+    def renumber(self, offset: int) -> None:
+        """All points of the map got numbers higher by `offset`."""
+        self._recent = self._recent + offset
+
     def forget(self) -> None:
         """Start with another map."""
         self._recent = np.empty(0, dtype=np.int64)

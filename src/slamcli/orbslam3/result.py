@@ -89,7 +89,7 @@ def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], s
 
 def _why(session: Session) -> str:
     """Return what is the likely cause."""
-    frames = len(session.untracked)
+    frames = session.num_frames
     return (
         f"of {frames} frames none had enough features that match the next one's"
         if frames
