@@ -102,7 +102,9 @@ def aligned(sequence: Sequence, chosen: np.ndarray) -> InertialAlignment:
         stamps_ns=sequence.stamps_ns[chosen], rotations=sequence.states.rotations[chosen],
         positions=sequence.states.positions[chosen], T_camera_imu=np.eye(4),
     )  # fmt: skip
-    settings = AlignmentSettings(fixed_scale=True, position_sigma=1e-3, rotation_sigma_rad=1e-3)
+    settings = AlignmentSettings(
+        fixed_scale=True, gravity_m_s2=GRAVITY_M_S2, position_sigma=1e-3, rotation_sigma_rad=1e-3
+    )
     return align_inertial(poses, sequence.samples, sequence.noise, settings)
 
 

@@ -212,6 +212,35 @@ def test_imu_whose_place_is_unknown(tmp_path: Path) -> None:
     np.testing.assert_allclose(fed.rig.T_base_main[:3, 3], [0.1, 0.0, 0.0])
 
 
+def test_gyroscope_and_accelerometer_on_topics_of_their_own(tmp_path: Path) -> None:
+    def half(i: float, what: str) -> ImuSample:
+        stamp = START + round(i * MS)
+        turn, force = (
+            (np.array([0.1, 0.0, i]), np.zeros(3)) if what == "gyro" else (np.zeros(3), np.array([0.0, i, 9.8]))
+        )
+        return ImuSample(stamp_ns=stamp, frame_id="imu_frame", angular_rad_s=turn, acceleration_m_s2=force)
+
+    topics = rgbd_topics(**{
+        "/camera/gyro/sample": [half(i * 5.0, "gyro") for i in range(80)],
+        "/camera/accel/sample": [half(2.0 + i * 16.0, "accel") for i in range(30)],
+    })  # fmt: skip
+    path = record(tmp_path / "a.mcap", topics, (place("camera", "imu_frame", (0.0, 0.1, 0.0)),))
+    fed = Fed(path, mode="rgbd-inertial")
+    samples = [m for m in fed.measurements if isinstance(m, ImuSample)]
+    assert fed.feed.topics["imu"] == ["/camera/gyro/sample", "/camera/accel/sample"]
+    assert fed.kinds["RgbdFrame"] == 6
+    assert [(s.stamp_ns - START) // MS for s in samples[:3]] == [
+        5,
+        10,
+        15,
+    ]  # the one at 0 has no acceleration before it
+    for sample in samples:
+        ms = (sample.stamp_ns - START) / MS
+        np.testing.assert_allclose(sample.angular_rad_s, [0.1, 0.0, ms])
+        np.testing.assert_allclose(sample.acceleration_m_s2, [0.0, ms, 9.8])
+    assert samples[-1].stamp_ns >= START + 250 * MS
+
+
 def test_the_missions_settings_and_launch_file(tmp_path: Path) -> None:
     big = (640, 480)
     topics = rgbd_topics(**{

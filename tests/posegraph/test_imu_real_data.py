@@ -45,7 +45,7 @@ def sequence():
     poses = VisualPoses(
         stamps_ns=at[::2], rotations=states.rotations[::2], positions=states.positions[::2], T_camera_imu=np.eye(4)
     )
-    settings = AlignmentSettings(fixed_scale=True, position_sigma=1e-3, rotation_sigma_rad=1e-3)
+    settings = AlignmentSettings(fixed_scale=True, gravity_m_s2=9.81, position_sigma=1e-3, rotation_sigma_rad=1e-3)
     return samples, at, states, align_inertial(poses, samples, NOISE, settings)
 
 

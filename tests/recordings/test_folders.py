@@ -176,6 +176,41 @@ def test_a_folder_of_sequences_is_refused_by_name(tmp_path: Path) -> None:
         open_recording([tmp_path / "scene" / "seq-01", tmp_path / "scene" / "seq-02"])
 
 
+@pytest.mark.parametrize(
+    ("make", "inner", "message"),
+    [
+        ("tum", "rgb", "is a part of the data set"),
+        ("tum", "rgb.txt", "is a part of the data set"),
+        ("euroc", "mav0/cam0/data", "is a part of the data set"),
+        ("kitti", "image_0/000000.png", "is a part of the data set"),
+        (None, "near/mav0", "mav0 has neither cam0/data.csv nor imu0/data.csv"),
+        (None, "near/image_0", "holds no images named 000000.png"),
+        (None, "near/rgb", "TUM RGB-D has rgb.txt beside it"),
+        (None, "near/nothing", "7-Scenes: frame-000000.color.png; ICL-NUIM: rgb/0.png"),
+    ],
+)
+def test_what_lies_near_a_data_set_is_told(tmp_path: Path, make: str | None, inner: str, message: str) -> None:
+    if make is not None:
+        path = getattr(data_folders, make)(tmp_path / "fr1") / inner
+    else:
+        (tmp_path / inner).mkdir(parents=True)
+        path = tmp_path / "near"
+    with pytest.raises(RecordingError, match=message):
+        open_recording(path)
+
+
+def test_sequences_two_levels_down_are_named(tmp_path: Path) -> None:
+    data_folders.kitti(tmp_path / "dataset" / "sequences" / "04")
+    with pytest.raises(RecordingError, match="holds one, name it: sequences/04"):
+        open_recording(tmp_path / "dataset")
+
+
+def test_other_lists_named_rgb_are_no_data_set(tmp_path: Path) -> None:
+    (tmp_path / "rgb.txt").write_text("255 250 250  snow\n")
+    with pytest.raises(RecordingError, match="neither a ROS 2 bag"):
+        open_recording(tmp_path)
+
+
 def test_an_empty_list_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "empty"
     folder.mkdir()

@@ -133,3 +133,17 @@ def test_truth_of_a_marker_is_carried_over_to_the_body(tmp_path: Path) -> None:
     data = ", ".join(map(str, data_folders.shifted(0, 0, 0.25).reshape(-1).tolist()))
     (base / "vicon0" / "sensor.yaml").write_text(f"T_BS:\n  data: [{data}]\n")
     np.testing.assert_allclose(_all(folder, "/groundtruth")[1].position_m, [0.1, 0, 0.75], atol=1e-12)
+
+
+def test_dso_says_the_lens_where_kalibr_is_not_there(tmp_path: Path) -> None:
+    folder = data_folders.tum_vi(tmp_path / "room1")
+    (folder / "dso" / "camchain.yaml").unlink()
+    for camera, first in ((0, "EquiDistant 0.5 0.625 0.5 0.5 0.01 0.02 0.03 0.04"), (1, "Pinhole 1 2 3 4 0 0 0 0")):
+        (folder / "dso" / f"cam{camera}").mkdir()
+        (folder / "dso" / f"cam{camera}" / "camera.txt").write_text(f"{first}\n64 48\ncrop\n64 48\n")
+    log = RunLog()
+    (camera, *_) = _all(folder, "/cam0/camera_info", log)
+    assert camera.intrinsics.tolist() == [[32, 0, 31.5], [0, 30, 23.5], [0, 0, 1]]
+    assert camera.distortion.tolist() == [0.01, 0.02, 0.03, 0.04]
+    assert any("no fisheye camera as DSO writes it" in line for line in log.warnings)
+    assert any("DSO's camera.txt" in line for line in log.notes)

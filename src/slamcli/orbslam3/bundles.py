@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,14 @@ from slamcli.vision.bundle_adjustment import adjust_bundle
 from slamcli.vision.bundle_problem import BundleProblem, BundleResult
 
 _CHI2_MONO, _CHI2_STEREO = 5.991, 7.815
+
+Solver = Callable[[BundleProblem, Ids, int], BundleResult]
+"""Adjusts a bundle whose cameras are these keyframes in some iterations; one that knows an IMU keeps its states to itself."""
+
+
+def solve_visually(problem: BundleProblem, keyframes: Ids, iterations: int) -> BundleResult:  # noqa: ARG001
+    """Adjust a bundle by what the cameras see alone."""
+    return adjust_bundle(problem, iterations=iterations, robust=True)
 
 
 def adjust_local(sparse_map: SparseMap, keyframe: int, *, most: int, rounds: tuple[int, int] = (5, 10)) -> None:
@@ -25,7 +35,9 @@ def adjust_all(sparse_map: SparseMap, *, rounds: tuple[int, int] = (10, 20)) -> 
     return adjust(sparse_map, sparse_map.living_keyframes, rounds=rounds)
 
 
-def adjust(sparse_map: SparseMap, free: Ids, *, rounds: tuple[int, int]) -> BundleResult | None:
+def adjust(
+    sparse_map: SparseMap, free: Ids, *, rounds: tuple[int, int], solve: Solver = solve_visually
+) -> BundleResult | None:
     """Move keyframes `free` (sorted) and the points they see, twice: with a robust kernel, then without the observations that do not fit.
 
     Those observations are taken out of the map, and points that are then seen by fewer than two keyframes.
@@ -44,14 +56,14 @@ def adjust(sparse_map: SparseMap, free: Ids, *, rounds: tuple[int, int]) -> Bund
         camera_index=np.searchsorted(cameras, keyframes), point_index=points, pixels=sparse_map.pixels[keyframes, features],
         right=sparse_map.right[keyframes, features], sigmas=sparse_map.sigmas[keyframes, features], camera=sparse_map.camera,
     )  # fmt: skip
-    first = adjust_bundle(problem, iterations=rounds[0], robust=True)
+    first = solve(problem, cameras, rounds[0])
     kept = fits(first, problem)
     again = BundleProblem(
         T_camera_map=first.T_camera_map, fixed=fixed, points=first.points, camera_index=problem.camera_index[kept],
         point_index=points[kept], pixels=problem.pixels[kept], right=problem.right[kept], sigmas=problem.sigmas[kept],
         camera=sparse_map.camera,
     )  # fmt: skip
-    result = adjust_bundle(again, iterations=rounds[1], robust=True)
+    result = solve(again, cameras, rounds[1])
     last = fits(result, again)
     held = np.flatnonzero(kept)[last]
     _write(sparse_map, result, cameras[~fixed], np.flatnonzero(~fixed), ids)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slamcli.orbslam3.bundles import adjust_local
 from slamcli.orbslam3.fusion import fuse_around
+from slamcli.orbslam3.inertial_mapping import InertialMapping
 from slamcli.orbslam3.point_creation import points_from_neighbours
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 
@@ -37,8 +38,10 @@ class MappingSettings:
 class LocalMapping:
     """Keeps the map around the newest keyframe consistent and small."""
 
-    def __init__(self, settings: MappingSettings, counts: Counter[str]) -> None:
-        self._settings, self._counts = settings, counts
+    def __init__(
+        self, settings: MappingSettings, counts: Counter[str], inertial: InertialMapping | None = None
+    ) -> None:
+        self._settings, self._counts, self._inertial = settings, counts, inertial
         self._recent: Ids = np.empty(0, dtype=np.int64)
 
     def insert(self, sparse_map: SparseMap, keyframe: int, fresh: Ids, colours: NDArray[np.uint8] | None) -> None:
@@ -60,9 +63,14 @@ class LocalMapping:
         )
         self._recent = np.concatenate([self._recent, fresh, made])
         fuse_around(sparse_map, keyframe, neighbours[: settings.num_neighbours])
-        if len(sparse_map.living_keyframes) > 2:
+        inertially = self._inertial is not None and self._inertial.adjust_local(sparse_map, keyframe)
+        if not inertially and len(sparse_map.living_keyframes) > 2:
             adjust_local(sparse_map, keyframe, most=settings.most_local)
         self._cull_keyframes(sparse_map, keyframe)
+
+    def renumber(self, offset: int) -> None:
+        """All points of the map got numbers higher by `offset`."""
+        self._recent = self._recent + offset
 
     def forget(self) -> None:
         """Start with another map."""
@@ -88,6 +96,8 @@ class LocalMapping:
         observations = sparse_map.count_observations()
         for k in sorted(neighbours.tolist()):
             if sparse_map.parent[k] < 0 or k >= keyframe - 1:
+                continue
+            if self._inertial is not None and not self._inertial.may_cull(sparse_map, k):
                 continue
             close = self._close(sparse_map, k)
             if sparse_map.redundancy(k, close, observations, 3) > self._settings.culling:

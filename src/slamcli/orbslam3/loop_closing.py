@@ -88,6 +88,14 @@ class LoopClosing:
             return closure
         return None if loop is None else self._close(maps, loop, up[-1])
 
+    def join(self, maps: list[SparseMap]) -> Closure | None:
+        """Look at every keyframe of the newest map, which the index holds, and join the map with the first that surely shows one's place."""
+        for keyframe in maps[-1].living_keyframes.tolist():
+            match = self._recognition.elsewhere(maps, keyframe)
+            if match is not None and (closure := self._merge(maps, match, [None] * len(maps))) is not None:
+                return closure
+        return None
+
     def forget(self) -> None:
         """Begin another map."""
         self._recognition.forget()

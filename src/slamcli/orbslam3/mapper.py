@@ -6,11 +6,12 @@ from __future__ import annotations
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from slamcli.errors import UsageError
+from slamcli.errors import CalibrationError, UsageError
 from slamcli.mapper import MappingResult, Setup
-from slamcli.measurements import Image, ImuSample, Measurement, RgbdFrame, StereoPair
+from slamcli.measurements import CameraRig, Image, ImuSample, Measurement, RgbdFrame, StereoPair
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_making import FrameMaker
+from slamcli.orbslam3.inertial_state import Imu
 from slamcli.orbslam3.parameters import OrbSlam3Parameters
 from slamcli.orbslam3.result import result_of
 from slamcli.orbslam3.session import Session
@@ -28,10 +29,12 @@ class OrbSlam3Mapper:
             raise UsageError("orbslam3: no camera; name its topic (--rgb-topic, --left-topic and --right-topic)")
         self._parameters, self._setup, self._log = parameters, setup, setup.log
         self._maker = FrameMaker(parameters, setup.rig)
+        self._imu = _imu(setup.rig, self._maker)
         self._session = Session(
             self._maker.camera,
             self._maker.scales,
             session_settings(parameters, setup.rig, self._maker.camera, setup.seed),
+            imu=self._imu,
         )
         self._workers = ThreadPoolExecutor(1) if setup.jobs > 1 else None
         self._waiting: deque[Future[Frame] | _Done] = deque()
@@ -48,8 +51,8 @@ class OrbSlam3Mapper:
                 self._waiting.append(self._workers.submit(self._maker.make, number, measurement))
             while len(self._waiting) > _AHEAD:
                 self._session.take(self._waiting.popleft().result())
-        elif isinstance(measurement, ImuSample):
-            pass
+        elif isinstance(measurement, ImuSample) and self._imu is not None:
+            self._imu.buffer.add(measurement)
 
     def finish(self) -> MappingResult:
         """End the run and return its result."""
@@ -60,6 +63,24 @@ class OrbSlam3Mapper:
         with self._log.stage("adjust"):
             self._session.finish()
         return result_of(self._session, self._maker, self._setup, self._stamps_ns)
+
+
+def _imu(rig: CameraRig, maker: FrameMaker) -> Imu | None:
+    """Return the IMU of a rig that uses one.
+
+    Raises
+    ------
+    CalibrationError
+        If nobody said where it is mounted.
+    """
+    if not rig.inertial:
+        return None
+    T_camera_imu = maker.preparation.T_camera_imu
+    if T_camera_imu is None:
+        raise CalibrationError(
+            "orbslam3: where the IMU is mounted beside the camera is unknown: give IMU.T_b_c1, or a mode without inertial"
+        )
+    return Imu(T_camera_imu=T_camera_imu, given_noise=rig.imu_noise, fixed_scale=maker.camera.baseline_m > 0)
 
 
 class _Done:

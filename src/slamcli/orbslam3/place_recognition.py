@@ -80,6 +80,14 @@ class PlaceRecognition:
             loop = loop or self._search("loop", maps, keyframe, own)
         return merge, loop
 
+    def elsewhere(self, maps: Sequence[SparseMap], keyframe: int) -> PlaceMatch | None:
+        """Return the place of another map that a keyframe of the newest surely shows, however few keyframes that has."""
+        self._pending.clear()
+        _, others = self._index.candidates(maps, Place(len(maps) - 1, keyframe), limit=self._settings.num_candidates)
+        found = self._search("merge", maps, keyframe, others)
+        self._pending.clear()
+        return found
+
     def remaining(self, maps: Sequence[SparseMap]) -> tuple[PlaceMatch | None, PlaceMatch | None]:
         """Return what still waits for more keyframes though no more will come, if at least one other keyframe agrees."""
         return self._settle("merge", maps), self._settle("loop", maps)

@@ -41,6 +41,10 @@ class Places:
         """Correct the maps by what still waits for more keyframes, though no more will come."""
         return None if self._closing is None else self._closing.finish(maps)
 
+    def join(self, maps: list[SparseMap]) -> Closure | None:
+        """Join the newest map with another if any of its keyframes shows a place of that one; all keyframes are known already."""
+        return None if self._closing is None else self._closing.join(maps)
+
     def learn(self, maps: Sequence[SparseMap], number: int) -> None:
         """Learn all living keyframes of a map that came from elsewhere."""
         for keyframe in maps[number].living_keyframes.tolist():
@@ -61,14 +65,14 @@ class Places:
             [Place(moved.get(place.map_number, place.map_number), place.keyframe) for place in self._index.places]
         )
 
-    def find(self, maps: Sequence[SparseMap], number: int, frame: Frame) -> Relocalisation:
-        """Return where a frame is in a map: beside keyframes with the same words, else with the same descriptors."""
+    def find(self, maps: Sequence[SparseMap], number: int, frame: Frame, *, thorough: bool = True) -> Relocalisation:
+        """Return where a frame is in a map: beside keyframes with the same words, else (`thorough`, slow) with the same descriptors."""
         sparse_map = maps[number]
         if not len(sparse_map.living_keyframes):
             return Relocalisation(found=False, reason="the map is empty")
         named = self._index.resembling(maps, number, self.words(frame), self._lost.num_candidates)
         found = relocalise(sparse_map, frame, named, self._lost)
-        if not found.found:
+        if thorough and not found.found:
             others = [keyframe for keyframe in alike(sparse_map, frame, self._lost) if keyframe not in named]
             again = relocalise(sparse_map, frame, others, self._lost)
             found = again if again.found or not named else found

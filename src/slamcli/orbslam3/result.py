@@ -12,13 +12,13 @@ from slamcli.errors import EstimationError
 from slamcli.geometry import se3
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import PointCloud
+from slamcli.orbslam3.depth_seen import DepthSeen
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
 from slamcli.orbslam3.session import Session
+from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.upright import Upright, upright
 from slamcli.trajectory import Trajectory
-
-_UPRIGHT = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-"""Pose of an optical frame (z ahead, y down) in a frame with x ahead and z up (REP 103)."""
 
 
 def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list[int]) -> MappingResult:
@@ -35,10 +35,13 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     chosen = min(frames, key=lambda number: (-frames[number], number))
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
-    T_map_start = _start(T_base_camera, upright=maker.preparation.rig.base_is_upright)
+    gravity = session.inertial.gravity(sparse_map) if session.inertial is not None else None
     poses = sparse_map.poses_of_all()
     tracked = [frame for frame in session.tracked if frame.map_number == chosen]
     T_camera = np.array([final_pose(sparse_map, poses, frame, refine=True) for frame in tracked])
+    seen = DepthSeen(maker, tracked, T_camera)
+    placed = _upright(maker, T_camera, sparse_map, seen, gravity, setup.seed)
+    T_map_start = placed.T_map_start
     T_map_base = T_map_start @ se3.inverse(T_camera) @ se3.inverse(T_base_camera)
     living = sparse_map.living_keyframes
     alive = np.flatnonzero(sparse_map.point_alive)
@@ -51,16 +54,32 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         cloud=PointCloud(
             stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32)
         ),
+        grid=seen.grid(placed, setup.map_frame),
         summary={
-            "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive),
+            "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **dict(sorted(session.counts.items())),
         },
     )  # fmt: skip
 
 
-def _start(T_base_camera: NDArray[np.float64], *, upright: bool) -> NDArray[np.float64]:
-    """Return the pose of the session's first camera in a map whose z points up."""
-    return T_base_camera if upright else _UPRIGHT
+def _upright(
+    maker: FrameMaker,
+    T_camera: NDArray[np.float64],
+    sparse_map: SparseMap,
+    seen: DepthSeen,
+    gravity: NDArray[np.float64] | None,
+    seed: int,
+) -> Upright:
+    """Return the frame of the map: z up, by what is known of it."""
+    points = seen.sample() if seen else sparse_map.positions[sparse_map.point_alive]
+    on_robot = maker.preparation.rig.base_is_upright
+    return upright(
+        T_camera,
+        points,
+        T_base_camera=maker.preparation.T_base_camera if on_robot else None,
+        gravity=gravity,
+        seed=seed,
+    )
 
 
 def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], setup: Setup) -> Trajectory:
@@ -70,7 +89,7 @@ def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], s
 
 def _why(session: Session) -> str:
     """Return what is the likely cause."""
-    frames = len(session.untracked)
+    frames = session.num_frames
     return (
         f"of {frames} frames none had enough features that match the next one's"
         if frames

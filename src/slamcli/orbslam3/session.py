@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from slamcli.geometry import se3
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_frame
+from slamcli.orbslam3.inertial_mapping import InertialMapping
+from slamcli.orbslam3.inertial_state import Imu
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
@@ -21,6 +24,7 @@ from slamcli.orbslam3.place_settings import PlaceSettings
 from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.relocalisation import RelocalisationSettings
+from slamcli.orbslam3.second_look import second_look
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.orbslam3.tracking import (
     LocalTrack,
@@ -38,6 +42,11 @@ _LEAST_HELD = 30
 """Points of the local map that must hold for a frame to count as tracked."""
 _SURELY_HELD = 100
 """With fewer, keyframes are tried besides the motion model, and what holds most points wins: batch work has the time."""
+_LEAST_WAITING = 5
+"""Frames that are looked for in the map before another is begun."""
+_THOROUGH_EVERY = 5
+"""Every fifth of them by descriptors too, which takes long on large maps."""
+_MOST_UNTRACKED = 500
 _NOTHING = LocalTrack(held=0, visible=np.empty(0, dtype=np.int64))
 
 
@@ -56,10 +65,18 @@ class SessionSettings:
     places: PlaceSettings | None = None
     """How places are recognised; None: loops are not closed, maps not joined."""
     lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
+    patience_ns: int = 2_000_000_000
+    """So long, and for five frames at least, a lost frame is looked for in the map; then another map is begun where the track was lost."""
+    localise_only: bool = False
+    """Whether the maps that were given stay as they are."""
 
 
 class Session:
-    """Tracks frame after frame, and maps."""
+    """Tracks frame after frame, and maps.
+
+    When the track is lost, every frame is looked for in the map. After a while another map is begun, with the frames since the
+    track was lost; the two become one when a place of the old one is seen again.
+    """
 
     def __init__(
         self,
@@ -67,19 +84,28 @@ class Session:
         scales: NDArray[np.float64],
         settings: SessionSettings,
         vocabulary: Vocabulary | None = None,
+        imu: Imu | None = None,
+        given: Sequence[SparseMap] = (),
     ) -> None:
+        """`given` are maps to go on from; they are changed."""
         self.camera, self.scales, self.settings = camera, scales, settings
         self.counts: Counter[str] = Counter()
         self.closures: list[Closure] = []
         """Loops that were closed and maps that were joined."""
         self._places = Places(vocabulary, settings.places, settings.lost, self.counts)
-        self.maps: list[SparseMap] = []
+        self.maps: list[SparseMap] = list(given)
+        for number in range(len(self.maps)):
+            self._places.learn(self.maps, number)
         self.tracked: list[TrackedFrame] = []
-        self.untracked: list[int] = []
-        """Numbers of the frames that have no pose."""
-        self.steps: list[tuple[int, int, int, int]] = []
-        """Per frame: number, points that hold, keyframes alive, points alive."""
-        self._mapping = LocalMapping(settings.mapping, self.counts)
+        self.untracked: dict[int, Frame] = {}
+        """Frames that have no pose, by number; the last 500."""
+        self.num_frames = 0
+        self.steps: dict[int, tuple[int, int, int]] = {}
+        """Per frame, by number: points that hold, keyframes alive, points alive."""
+        self._waiting: list[Frame] = []
+        """Frames since the track was lost."""
+        self.inertial = InertialMapping(imu, self.counts) if imu is not None else None
+        self._mapping = LocalMapping(settings.mapping, self.counts, self.inertial)
         self._last: Frame | None = None
         self._beside_reference = np.eye(4)
         """T_camera_keyframe of the last frame and its reference keyframe, whose pose mapping may change."""
@@ -96,16 +122,74 @@ class Session:
 
     def take(self, frame: Frame) -> None:
         """Track the next frame; make it a keyframe where the map needs one."""
+        self.num_frames += 1
+        self._take(frame)
+
+    def _take(self, frame: Frame) -> None:
         last = self._last
-        held = self._begin(frame) if last is None else self._track(last, frame)
+        held = self._begin(frame) if last is None else self._track(last, frame) or self._look_for(frame)
+        self.steps[frame.number] = (held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum()))
         if held:
             self._keep(frame)
         else:
-            self.untracked.append(frame.number)
-        self.steps.append((frame.number, held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum())))
+            self._lose(frame)
+
+    def _lose(self, frame: Frame) -> None:
+        """Keep a frame without a pose; begin another map when the track has been lost for too long."""
+        self.untracked[frame.number] = frame
+        while len(self.untracked) > _MOST_UNTRACKED:
+            del self.untracked[min(self.untracked)]
+        if self._last is None:
+            return
+        self._waiting.append(frame)
+        if len(self._waiting) < _LEAST_WAITING or frame.stamp_ns - self._last.stamp_ns < self.settings.patience_ns:
+            return
+        waiting, self._waiting = self._waiting, []
+        if not self.settings.localise_only:
+            self.counts["maps begun after the track was lost"] += 1
+            self._new_map()
+            for other in waiting:
+                other.points[:] = -1
+                self._take(other)
+
+    def _look_for(self, frame: Frame) -> int:
+        """Find a lost frame in the map, or now and then in the others; return how many points hold, 0 if it is nowhere."""
+        thorough = len(self._waiting) % _THOROUGH_EVERY == 0
+        others = reversed(range(len(self.maps) - 1)) if thorough else ()
+        numbers = (len(self.maps) - 1, *others)
+        return next((held for number in numbers if (held := self._relocalise(frame, number, thorough=thorough))), 0)
+
+    def _relocalise(self, frame: Frame, number: int, *, thorough: bool) -> int:
+        """Find a frame in a map by what it looks like, and go on in that map; return how many points hold, 0 if it is not there."""
+        found = self._places.find(self.maps, number, frame, thorough=thorough)
+        if found.T_camera_map is None or found.points is None:
+            return 0
+        kept = (frame.T_camera_map, frame.points, frame.reference)
+        frame.T_camera_map, frame.points = found.T_camera_map, found.points.copy()
+        track = track_local_map(self.maps[number], frame, self.settings.tracking)
+        if track.held < _LEAST_HELD:
+            frame.T_camera_map, frame.points, frame.reference = kept
+            return 0
+        self._activate(number)
+        self._velocity = None
+        self.counts["frames relocalised"] += 1
+        return track.held
+
+    def _activate(self, number: int) -> None:
+        """Go on in another map: it changes places with the newest."""
+        newest = len(self.maps) - 1
+        if number == newest:
+            return
+        self.maps[number], self.maps[newest] = self.maps[newest], self.maps[number]
+        self._places.swap(number, newest)
+        self._places.forget()
+        self._mapping.forget()
+        moved = {number: newest, newest: number}
+        self.tracked = [replace(one, map_number=moved.get(one.map_number, one.map_number)) for one in self.tracked]
 
     def _new_map(self) -> None:
-        self.maps.append(SparseMap(self.camera, self.scales))
+        if not self.maps or self.map.num_keyframes:
+            self.maps.append(SparseMap(self.camera, self.scales))
         self._start = MonocularStart(self.settings.seed, self._words)
         self._last, self._velocity = None, None
         self._mapping.forget()
@@ -115,7 +199,11 @@ class Session:
         return self._places.words(frame)
 
     def _begin(self, frame: Frame) -> int:
-        """Start the map with this frame if it can be; return how many points it sees."""
+        """Find the frame in another map, or start the map with it if that can be; return how many points it sees."""
+        if not self.tracked and (held := self._look_for(frame)):  # after a loss the maps were asked already
+            return held
+        if self.settings.localise_only:
+            return 0
         if self.camera.baseline_m > 0:
             began = start_with_depth(
                 self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame)
@@ -125,6 +213,7 @@ class Session:
         if not began:
             return 0
         self._last_keyframe = frame.number
+        self._places.learn(self.maps, len(self.maps) - 1)
         return frame.num_points
 
     def _track(self, last: Frame, frame: Frame) -> int:
@@ -139,17 +228,14 @@ class Session:
             return 0
         count_sightings(self.map, frame, best.visible)
         self._set_velocity(last, frame)
-        if needs_keyframe(self.map, frame, self._last_keyframe, best.held, self.settings.keyframes):
+        if not self.settings.localise_only and self._wants_keyframe(frame, best.held):
             self._add_keyframe(frame)
         return best.held
 
     def _by_motion(self, last: Frame, frame: Frame) -> LocalTrack:
-        """Track the frame from where the motion so far puts it."""
-        if self._velocity is None:
-            return _NOTHING
-        share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
-        predicted = _part_of(self._velocity, share) @ last.T_camera_map
-        if not track_motion(self.map, last, frame, predicted, self.settings.tracking):
+        """Track the frame from where the IMU or the motion so far puts it."""
+        predicted = self._predicted(last, frame)
+        if predicted is None or not track_motion(self.map, last, frame, predicted, self.settings.tracking):
             return _NOTHING
         return track_local_map(self.map, frame, self.settings.tracking)
 
@@ -170,6 +256,22 @@ class Session:
         self.counts["frames tracked without motion model"] += found
         return best
 
+    def _predicted(self, last: Frame, frame: Frame) -> NDArray[np.float64] | None:
+        """Return where the frame should be: as the IMU says, else at the velocity so far; None without either."""
+        if self.inertial is not None:
+            predicted = self.inertial.predicted(self.map, frame.stamp_ns)
+            if predicted is not None:
+                return predicted
+        if self._velocity is None:
+            return None
+        share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
+        return _part_of(self._velocity, share) @ last.T_camera_map
+
+    def _wants_keyframe(self, frame: Frame, held: int) -> bool:
+        if needs_keyframe(self.map, frame, self._last_keyframe, held, self.settings.keyframes):
+            return True
+        return self.inertial is not None and self.inertial.wants_keyframe(self.map, frame, held)
+
     def _nearby(self, last: Frame) -> list[int]:
         """Return keyframes to try: the last frame's reference, the newest, and the neighbours of the former."""
         around, _ = self.map.covisible(last.reference)
@@ -184,6 +286,8 @@ class Session:
                 self.map, keyframe, self.settings.close_m, frame.colours, self.settings.farthest_m
             )
         self._mapping.insert(self.map, keyframe, fresh, frame.colours)
+        if self.inertial is not None:
+            self._rescale(len(self.maps) - 1, self.inertial.after_keyframe(self.map, keyframe))
         keyframe = self._recognise(keyframe)
         frame.points = self.map.seen[keyframe, : len(frame.features)].copy()
         frame.T_camera_map = self.map.T_camera_map[keyframe].copy()
@@ -210,7 +314,23 @@ class Session:
             self.tracked = [after_merge(frame, closure, newest) for frame in self.tracked]
             self._mapping.forget()
 
+    def _rescale(self, number: int, scale: float) -> None:
+        """Keep up with a map whose lengths became `scale` times as long."""
+        if scale == 1.0:
+            return
+        self.tracked = [
+            replace(frame, T_frame_reference=_scaled(frame.T_frame_reference, scale))
+            if frame.map_number == number
+            else frame
+            for frame in self.tracked
+        ]
+        if number == len(self.maps) - 1:
+            self._beside_reference = _scaled(self._beside_reference, scale)
+            self._velocity = None if self._velocity is None else _scaled(self._velocity, scale)
+
     def _keep(self, frame: Frame) -> None:
+        self.untracked.pop(frame.number, None)
+        self._waiting = []
         self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
         self._last = frame
         self._beside_reference = self.tracked[-1].T_frame_reference
@@ -220,12 +340,36 @@ class Session:
         self._velocity_ns = max(frame.stamp_ns - last.stamp_ns, 1)
 
     def finish(self) -> None:
-        """Close what could still be closed, and adjust every map as a whole."""
+        """Close what could still be closed, adjust every map as a whole, and look again for frames that have no pose."""
+        if not self.settings.localise_only:
+            self._settle()
+        found = second_look(self.maps, self.tracked, self.untracked, self.settings.tracking, _LEAST_HELD)
+        self.counts["frames found at a second look"] += len(found)
+        for one in found:
+            del self.untracked[one.number]
+        self.tracked = sorted([*self.tracked, *found], key=lambda one: one.number)
+
+    def _settle(self) -> None:
         if (closure := self._places.finish(self.maps)) is not None:
             self._follow(closure)
-        for sparse_map in self.maps:
+        for number in range(len(self.maps) - 1):
+            self._activate(number)  # each map once the newest
+            if (closure := self._places.join(self.maps)) is not None:
+                self._follow(closure)
+        for number, sparse_map in enumerate(self.maps):
             if len(sparse_map.living_keyframes) > 1:
-                adjust_all(sparse_map)
+                scale = self.inertial.finish(sparse_map) if self.inertial is not None else None
+                if scale is None:
+                    adjust_all(sparse_map)
+                else:
+                    self._rescale(number, scale)
+
+
+def _scaled(T: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """Return a pose with `scale` times the translation."""
+    out = T.copy()
+    out[:3, 3] *= scale
+    return out
 
 
 def _part_of(T: NDArray[np.float64], share: float) -> NDArray[np.float64]:

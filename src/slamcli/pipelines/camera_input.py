@@ -25,6 +25,7 @@ from slamcli.measurements import (
 )
 from slamcli.pipelines.camera_rig import BuiltRig, RigSources, build_rig, has_imu_place
 from slamcli.pipelines.frame_pairing import DEPTH_TOLERANCE_S, STEREO_TOLERANCE_S, FramePairing
+from slamcli.pipelines.imu_halves import find_halves, united
 from slamcli.pipelines.reading_ahead import read_ahead
 from slamcli.recordings import Recording, Topic
 from slamcli.recordings.camera_topics import CameraNames, CameraTopics, find_camera_topics
@@ -66,6 +67,8 @@ class CameraFeed:
     """Topic of the left, colour or only camera."""
     partner: str | None
     imu: Topic | None
+    accelerometer: Topic | None
+    """Where the accelerometer has a topic of its own: `imu` is the gyroscope's then."""
     built: BuiltRig
     log: RunLog
 
@@ -100,7 +103,8 @@ class CameraFeed:
         if self.partner is not None:
             found[names[1]] = self.partner
         if self.imu is not None:
-            found["imu"] = self.imu.name
+            names_of_imu = [topic.name for topic in (self.imu, self.accelerometer) if topic is not None]
+            found["imu"] = names_of_imu[0] if len(names_of_imu) == 1 else names_of_imu
         return found
 
     @property
@@ -123,14 +127,16 @@ class CameraFeed:
             If there is not one frame.
         """
         pairing = FramePairing(self.main, self.partner, self._tolerance_ns(), self._imu_name(), self.log)
-        topics = [name for name in (self.main, self.partner, self._imu_name()) if name is not None]
+        accelerometer = None if self.accelerometer is None else self.accelerometer.name
+        topics = [name for name in (self.main, self.partner, self._imu_name(), accelerometer) if name is not None]
 
         def decoded(log: RunLog) -> Iterator[Measurement]:
-            return pairing.run(
-                self.recording.measurements(
-                    topics, start_s=self.request.start_s, duration_s=self.request.duration_s, log=log
-                )
+            read = self.recording.measurements(
+                topics, start_s=self.request.start_s, duration_s=self.request.duration_s, log=log
             )
+            if self.imu is not None and accelerometer is not None:
+                return pairing.run(united(read, self.imu.name, accelerometer))
+            return pairing.run(read)
 
         began = self.recording.start_ns
         for measurement in read_ahead(decoded, self.log):
@@ -184,7 +190,7 @@ def feed_cameras(
     if request.mode is not None and request.mode not in tier.modes:
         raise UsageError(f"--mode {request.mode}: {tier.name} has {', '.join(tier.modes) or 'one mode only'}")
     cameras = find_camera_topics(recording, request.names)
-    imu = _imu_topic(recording, request)
+    imu, accelerometer = _imu_topics(recording, request)
     imu_frame = _frame_of(recording, imu)
     noise = None if imu is None else recorded_noise(recording.raw, imu.name)
     plan = tier.plan(parameters, given, _offer(recording, request, cameras, imu_frame, noise), log)
@@ -202,7 +208,8 @@ def feed_cameras(
     built = build_rig(recording, sources)
     return CameraFeed(
         recording=recording, plan=plan, request=request, main=main.topic,
-        partner=None if partner is None else partner.topic, imu=used, built=built, log=log,
+        partner=None if partner is None else partner.topic, imu=used,
+        accelerometer=accelerometer if used is not None else None, built=built, log=log,
     )  # fmt: skip
 
 
@@ -224,13 +231,20 @@ def _offer(
     )
 
 
-def _imu_topic(recording: Recording, request: CameraRequest) -> Topic | None:
+def _imu_topics(recording: Recording, request: CameraRequest) -> tuple[Topic | None, Topic | None]:
+    """Return the topic of the IMU, and that of its accelerometer where the two halves come apart."""
     if request.imu == NONE:
-        return None
+        return None, None
     if request.imu is not None:
-        return recording.topic(request.imu, ImuSample)
+        return recording.topic(request.imu, ImuSample), None
     found = [topic for topic in recording.topics(ImuSample) if topic.count != 0]
-    return next(iter(best_topics(recording, found, 1, IMUS)), None)
+    halves = find_halves(found)
+    if halves is not None:
+        recording.log.note(
+            f"IMU: gyroscope on {halves[0].name}, accelerometer on {halves[1].name}, interpolated to its stamps"
+        )
+        return halves
+    return next(iter(best_topics(recording, found, 1, IMUS)), None), None
 
 
 def _frame_of(recording: Recording, topic: Topic | None) -> str | None:

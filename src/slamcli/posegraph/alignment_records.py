@@ -37,7 +37,7 @@ class AlignmentSettings:
 
     fixed_scale: bool = False
     """Whether units of the map are metres (stereo, RGB-D)."""
-    gravity_m_s2: float = 9.81
+    gravity_m_s2: float = 9.80665
     gyroscope_bias_sigma: float = 0.1
     """rad/s, of the prior around zero; the paper's information of 1e2."""
     accelerometer_bias_sigma: float = 0.2

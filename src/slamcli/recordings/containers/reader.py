@@ -30,7 +30,7 @@ from slamcli.recordings.raw import Contents, RawMessage
 from slamcli.runtime import RunLog
 
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_KINDS = "slamcli reads ROS 1 .bag, ROS 2 .db3, .mcap and bag folders, CARMEN and exp*.dat logs"
+_KINDS = "slamcli reads ROS 1 .bag, ROS 2 .db3, .mcap and bag folders, data-set folders, CARMEN and exp*.dat logs"
 
 
 class Volume(Protocol):

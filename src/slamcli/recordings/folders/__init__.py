@@ -11,6 +11,7 @@ from slamcli.recordings.containers.damage import Damage
 from slamcli.recordings.folders import euroc, icl_nuim, kitti, seven_scenes, tum, tum_vi
 from slamcli.recordings.folders.layout import TRUTH_TOPIC, Layout, Reading
 from slamcli.recordings.folders.reader import FolderReader
+from slamcli.recordings.folders.refusals import refuse
 from slamcli.runtime import RunLog
 
 LAYOUTS: tuple[Layout, ...] = (
@@ -44,11 +45,12 @@ def open_folder(paths: Sequence[Path], log: RunLog, *, depth_units_per_m: float 
     Raises
     ------
     RecordingError
-        If nothing in it can be read, several folders are given, or the data sets lie one level down.
+        If nothing in it can be read, several folders are given, or what is given lies near a data set.
     """
     found = next((found for path in paths if (found := find_layout(path)) is not None), None)
     if found is None:
-        _refuse_parent(paths)
+        if not any(_holds_other(path) for path in paths):
+            refuse(paths, LAYOUTS, find_layout)
         return None
     layout, root = found
     if len(paths) > 1:
@@ -58,15 +60,10 @@ def open_folder(paths: Sequence[Path], log: RunLog, *, depth_units_per_m: float 
     return FolderReader(folder, layout.name, damage)
 
 
-def _refuse_parent(paths: Sequence[Path]) -> None:
-    """Raise if a folder is none itself, but holds data sets."""
-    for path in paths:
-        if not path.is_dir() or any(next(path.glob(sign), None) for sign in (*_BAG_SIGNS, "*.bag")):
-            continue
-        inside = [entry.name for entry in sorted(path.iterdir()) if entry.is_dir() and find_layout(entry)]
-        if inside:
-            listed = ", ".join(inside[:4]) + (", …" if len(inside) > 4 else "")
-            raise RecordingError(f"{path}: holds several recordings, name one: {listed}")
+def _holds_other(path: Path) -> bool:
+    """Return whether a folder holds a bag or a log that readers of these can name."""
+    signs = (*_BAG_SIGNS, "*.bag", "*.clf", "*.log")
+    return path.is_dir() and any(next(path.glob(sign), None) for sign in signs)
 
 
 __all__ = ["LAYOUTS", "TRUTH_TOPIC", "FolderReader", "find_layout", "open_folder"]

@@ -72,6 +72,17 @@ def listed_images(list_file: Path, root: Path, damage: Damage, *, unit: str | No
     return existing_images(stamps, [root / name for name in names], str(list_file), damage)
 
 
+def lists_images(list_file: Path) -> bool:
+    """Return whether a file is a list of images by its first lines (a stamp, then a file name), or a list of none."""
+    if not list_file.is_file():
+        return False
+    try:
+        rows = list(itertools.islice(text_tables.read_rows(list_file, "a list of images"), 20))
+    except FormatError:
+        return True  # which will be told where it is read
+    return not rows or any(len(row.fields) > 1 and row.fields[1].lower().endswith(IMAGE_SUFFIXES) for row in rows)
+
+
 def existing_images(stamps_ns: Sequence[int], paths: Sequence[Path], source: str, damage: Damage) -> ImageList:
     """Return those of the images that are there, sorted by stamp; the others are told."""
     there: dict[Path, dict[str, int]] = {}
@@ -130,6 +141,15 @@ def stamped_images(folder: Path, damage: Damage) -> ImageList:
     stamps = text_tables.parse_stamps_ns(texts, range(len(texts)), folder, unit)
     order = sorted(range(len(named)), key=lambda number: stamps[number])
     return existing_images([stamps[i] for i in order], [named[i][1] for i in order], str(folder), damage)
+
+
+def has_stamped_images(folder: Path) -> bool:
+    """Return whether images in a folder are named by times since 1970 or with a fraction, not just by numbers."""
+    return any(
+        re.fullmatch(r"\d{10,19}|\d{1,10}\.\d+", name.rpartition(".")[0]) is not None
+        and f".{name.rpartition('.')[2].lower()}" in IMAGE_SUFFIXES
+        for name in file_sizes(folder)
+    )
 
 
 def file_sizes(folder: Path) -> dict[str, int]:

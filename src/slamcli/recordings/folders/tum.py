@@ -17,7 +17,14 @@ from slamcli.measurements import CameraModel
 from slamcli.recordings.calibration_file import read_camera_info
 from slamcli.recordings.folders.camera_models import in_frame, pinhole
 from slamcli.recordings.folders.layout import DataFolder, Layout, Reading
-from slamcli.recordings.folders.listings import ImageList, listed_images, stamped_images, text_size
+from slamcli.recordings.folders.listings import (
+    ImageList,
+    has_stamped_images,
+    listed_images,
+    lists_images,
+    stamped_images,
+    text_size,
+)
 from slamcli.recordings.folders.rgbd import FRAME, rgbd_streams
 from slamcli.recordings.folders.truth import read_truth, truth_stream
 
@@ -35,9 +42,11 @@ _NOMINAL_SIZE = (640, 480)
 
 
 def _find(folder: Path) -> Path | None:
-    if (folder / "rgb.txt").is_file() or (folder / "depth.txt").is_file():
+    if any(lists_images(folder / f"{kind}.txt") for kind in ("rgb", "depth")):
         return folder
-    return folder if (folder / "groundtruth.txt").is_file() and (folder / "rgb").is_dir() else None
+    if not (folder / "rgb").is_dir():
+        return None
+    return folder if (folder / "groundtruth.txt").is_file() or has_stamped_images(folder / "rgb") else None
 
 
 def _read(root: Path, reading: Reading) -> DataFolder:

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: MIT
+"""A visual map is aligned with its IMU: metres, gravity, velocities, biases (Campos et al., T-RO 2021, section V-B)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamcli.errors import EstimationError
+from slamcli.orbslam3.inertial_state import Imu, MapInertia
+from slamcli.orbslam3.sparse_map import Ids, SparseMap
+from slamcli.posegraph.inertial_alignment import (
+    AlignmentSettings,
+    InertialAlignment,
+    VisualPoses,
+    align_inertial,
+    objection,
+)
+
+_LEAST_KEYFRAMES = 10
+_LEAST_S, _LEAST_S_WITH_DEPTH = 2.0, 1.0
+_MOST_KEYFRAMES = 50
+"""Keyframes, the newest ones, that an alignment looks at."""
+_POSITION_SHARE = 1e-3
+"""Deviation of a keyframe's position over the depth of what it sees: a third of a pixel over a hundred points and a drift."""
+_SCALE_SIGMA, _SCALE_SIGMA_AT_FIRST = 0.02, 0.05
+"""Relative deviation up to which a scale is taken; the latter within the first seconds, as it is refined soon after."""
+
+
+def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu) -> float | None:
+    """Try to align a map; return metres per unit of the map as it was, or None if it is too early (`inertia.objection`).
+
+    The map is in metres afterwards and `inertia` knows gravity, velocities and biases.
+    """
+    living = sparse_map.living_keyframes
+    living = living[np.argsort(sparse_map.stamp_ns[living], kind="stable")]
+    chosen = living[-_MOST_KEYFRAMES:]
+    seconds = float(sparse_map.stamp_ns[chosen[-1]] - sparse_map.stamp_ns[chosen[0]]) * 1e-9
+    least_s = _LEAST_S_WITH_DEPTH if imu.fixed_scale else _LEAST_S
+    if len(chosen) < _LEAST_KEYFRAMES or seconds < least_s:
+        inertia.objection = f"{len(chosen)} keyframes within {seconds:.1f} s are too few"
+        return None
+    try:
+        found = align_inertial(
+            _poses(sparse_map, chosen, imu), imu.buffer.samples(int(sparse_map.stamp_ns[chosen[0]])), imu.noise,
+            AlignmentSettings(fixed_scale=imu.fixed_scale, position_sigma=_POSITION_SHARE * _depth(sparse_map, chosen)),
+        )  # fmt: skip
+    except EstimationError as error:
+        inertia.objection = str(error)
+        return None
+    inertia.objection = objection(found, log_scale_sigma=_SCALE_SIGMA)
+    if inertia.objection:
+        return None
+    if not imu.fixed_scale:
+        scale_map(sparse_map, found.scale)
+    _take_over(sparse_map, inertia, imu, living, chosen, found)
+    return found.scale
+
+
+def scale_map(sparse_map: SparseMap, scale: float) -> None:
+    """Make all lengths of a map `scale` times as long, about its origin."""
+    sparse_map.positions[:] *= scale
+    sparse_map.T_camera_map[:, :3, 3] *= scale
+    sparse_map.T_camera_parent[:, :3, 3] *= scale
+    sparse_map.refresh_points(np.flatnonzero(sparse_map.point_alive))
+
+
+def _poses(sparse_map: SparseMap, keyframes: Ids, imu: Imu) -> VisualPoses:
+    return VisualPoses(
+        stamps_ns=sparse_map.stamp_ns[keyframes].copy(),
+        rotations=np.ascontiguousarray(sparse_map.T_camera_map[keyframes, :3, :3].transpose(0, 2, 1)),
+        positions=sparse_map.centres[keyframes], T_camera_imu=imu.T_camera_imu,
+    )  # fmt: skip
+
+
+def _depth(sparse_map: SparseMap, keyframes: Ids) -> float:
+    """Return the median depth of the points that the keyframes see, in units of the map."""
+    depths = []
+    for k in keyframes.tolist():
+        ids = sparse_map.points_of(np.array([k]))
+        T = sparse_map.T_camera_map[k]
+        depths.append(sparse_map.positions[ids] @ T[2, :3] + T[2, 3])
+    return max(float(np.median(np.concatenate(depths))), 1e-9)
+
+
+def _take_over(
+    sparse_map: SparseMap, inertia: MapInertia, imu: Imu, living: Ids, chosen: Ids, found: InertialAlignment
+) -> None:
+    """Write the alignment down; older keyframes get the velocities of their positions."""
+    inertia.gravity_map = found.gravity_map
+    inertia.began_ns, inertia.adjusted = int(sparse_map.stamp_ns[chosen[-1]]), 0
+    inertia.version = sparse_map.version
+    if len(living) > len(chosen):
+        T = sparse_map.T_camera_map[living]
+        places = np.einsum("kji,kj->ki", T[:, :3, :3], imu.T_camera_imu[:3, 3] - T[:, :3, 3])
+        speeds = np.gradient(places, sparse_map.stamp_ns[living] * 1e-9, axis=0)
+        inertia.set(sparse_map, living, speeds, np.tile(found.biases, (len(living), 1)))
+    inertia.set(sparse_map, chosen, found.velocities, np.tile(found.biases, (len(chosen), 1)))
