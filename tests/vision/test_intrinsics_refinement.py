@@ -59,6 +59,8 @@ def test_the_minimum_is_that_of_a_naive_twin():
     assert found.cost == pytest.approx(naive.cost, rel=1e-6)
     np.testing.assert_allclose(found.camera.array, camera.array, rtol=1e-3)
     np.testing.assert_allclose(found.T_camera_map, poses, atol=1e-3)
+    covariance = np.linalg.inv(naive.jac.T @ naive.jac)
+    np.testing.assert_allclose(found.intrinsics_sigmas, 100 * np.sqrt(np.diag(covariance)[:5]), rtol=1e-2)
 
 
 def test_what_is_not_asked_for_stays():
@@ -67,6 +69,7 @@ def test_what_is_not_asked_for_stays():
     np.testing.assert_array_equal(found.camera.array[2:4], problem.camera.array[2:4])
     assert found.camera.bf == pytest.approx(problem.camera.bf)
     assert found.camera.fx != problem.camera.fx
+    assert np.array_equal(np.isfinite(found.intrinsics_sigmas), [True, True, False, False, False])
     assert adjust_bundle(problem, iterations=3).camera is problem.camera
 
 

@@ -88,20 +88,22 @@ def adjust_in_rounds(
     refined = np.isin(INTRINSICS, list(refine_intrinsics))
     state = _start(problem)
     chi2, ahead, inliers = _judge(problem, state)
-    total, before, cost, converged = 0, 0.0, 0.0, True
+    total, before, cost, converged, deviations = 0, 0.0, 0.0, True, np.full(len(INTRINSICS), np.nan)
     with _pool(threads) as pool:
         for turn, (iterations, robust) in enumerate(rounds):
             part = problem if turn == 0 else _selected(problem, inliers)
             system = BundleSystem(part, held, pool, refined)
             state, before, cost, done, converged = _descend(system, state, iterations, robust, tolerance)
             total += done
+            if refined.any() and turn == len(rounds) - 1:
+                deviations = system.intrinsics_sigmas(state, robust)
             chi2, ahead, inliers = _judge(problem, state)
     T = np.tile(np.eye(4), (len(state.poses), 1, 1))
     T[:, :3] = state.poses
     T[problem.fixed] = problem.T_camera_map[problem.fixed]
     return BundleResult(
         T_camera_map=T, points=state.points, chi2=chi2, positive_depth=ahead, inliers=inliers,
-        camera=_camera(problem.camera, state) if refined.any() else problem.camera, iterations=total, cost_before=before,
+        camera=_camera(problem.camera, state) if refined.any() else problem.camera, intrinsics_sigmas=deviations, iterations=total, cost_before=before,
         cost=cost, converged=converged,
     )  # fmt: skip
 

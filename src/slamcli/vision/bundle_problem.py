@@ -82,6 +82,9 @@ class BundleResult:
     """bool (M,): ahead of the camera and chi2 within the 95 % bound (5.991 mono, 7.815 stereo)."""
     camera: Pinhole
     """As given, or refined; a refined focal length keeps bf, so that the baseline is bf / fx."""
+    intrinsics_sigmas: Floats
+    """float64 (5,), standard deviations of fx, fy, cx, cy (pixels) and bf (pixels metres); NaN for what was not refined. They
+    hold what the other unknowns leave open, and rest on the problem's `sigmas`."""
     iterations: int
     """Steps that were tried."""
     cost_before: float

@@ -129,6 +129,16 @@ class BundleSystem:
         blocks[self.system.diagonal_slots[:, None], np.arange(6), np.arange(6)] += added
         return self.system.solve(-reduced.gradient) if self.system.factorise(blocks) else None
 
+    def intrinsics_sigmas(self, state: BundleState, robust: bool) -> Floats:
+        """Return standard deviations (5,) of the refined intrinsics at a state, pixels (bf: times metres); NaN for others."""
+        sigmas = np.full(5, np.nan)
+        known = np.flatnonzero(self._wanted > 0)
+        reduced = self.linearise(state, 1e-9, robust)
+        if len(known) and self.solve(reduced, 1e-9) is not None:
+            information = self.system.last_information()[np.ix_(known, known)]
+            sigmas[known] = np.sqrt(np.diag(np.linalg.inv(information)))
+        return sigmas
+
     def step(self, state: BundleState, steps: Floats, robust: bool) -> tuple[BundleState, float]:
         """Return the state after the cameras' steps (F, 6), by rank, and those of the points that follow, and its cost."""
         poses = np.empty_like(state.poses)

@@ -66,6 +66,11 @@ class CameraSystem:
         kernels.solve(self._starts, self._factor_rows, self._factor, self._triangles, solution)
         return solution
 
+    def last_information(self) -> Floats:
+        """Return what the last row knows by itself, float64 (6, 6): the inverse of its covariance, of what was factorised."""
+        triangle = np.tril(self._triangles[-1], -1) + np.diag(1.0 / np.diag(self._triangles[-1]))
+        return triangle @ triangle.T
+
     def dense(self, blocks: Floats) -> Floats:
         """Return the matrix (6 F, 6 F) with rows in the order of cameras."""
         whole = np.zeros((self.size, 6, self.size, 6))
