@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "height"}
 """Options that say how files are written, with their defaults."""
+_KERNELS = {"orbslam3": ("vision", "up to a minute")}
+"""Room whose kernels a system needs most, where it is not the usual one, and how long they take to compile."""
 _FILES = ("load_states", "load_frozen_states", "camera_files")
 """Options that name an input, as BAG does: without its folder in the recorded command."""
 
@@ -167,8 +169,9 @@ def command(
         choices=choices, command=command, **options,
     )  # fmt: skip
     with Console(verbosity) as console:
-        if not kernel_cache.is_filled("registration"):
-            console.say("compiling kernels, once (about 20 s; `slamcli warmup` does it beforehand)")
+        room, wait = _KERNELS.get(options["algo"], ("registration", "about 20 s"))
+        if not kernel_cache.is_filled(room):
+            console.say(f"compiling kernels, once ({wait}; `slamcli warmup` does it beforehand)")
         log = RunLog(console)
         try:
             outcome = run_map(request, log)
