@@ -46,7 +46,7 @@ class MapInertia:
         """Stamp of the keyframe with which it was aligned."""
         self.adjusted = 0
         """How often the whole map was adjusted since."""
-        self.objection = "not enough motion: there is no keyframe"
+        self.objection = "not enough motion: there are too few keyframes"
         """Why it is not aligned yet."""
         self.version = 0
         """`SparseMap.version` that the velocities belong to."""
