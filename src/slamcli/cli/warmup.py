@@ -16,6 +16,7 @@ from slamcli.cli.options import json_option, verbosity_options
 ROOMS = (
     "cartographer.projection_3d",
     "cartographer.sweep_3d",
+    "grids.depth_projection",
     "grids.distance",
     "grids.hybrid_blocks",
     "grids.probability_grid",

@@ -33,6 +33,8 @@ class Frame:
     """Keyframe that shares most points with it."""
     colours: NDArray[np.uint8] | None = None
     """(N, 3) RGB at the key points."""
+    depth: NDArray[np.float16] | None = None
+    """(M,) metres at every few pixels (`slamcli.orbslam3.frame_making.FrameMaker.depth_pixels`), for the occupancy grid."""
 
     @property
     def num_points(self) -> int:

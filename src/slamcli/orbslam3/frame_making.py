@@ -12,13 +12,16 @@ from slamcli.measurements import CameraRig, Measurement
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.parameters import OrbSlam3Parameters
 from slamcli.orbslam3.preparing import preparation_settings
-from slamcli.orbslam3.settings import orb_settings
+from slamcli.orbslam3.settings import grid_settings, orb_settings
 from slamcli.vision.depth_lookup import with_depth
 from slamcli.vision.features import Features
 from slamcli.vision.matching import feature_grid
 from slamcli.vision.orb import extract_orb
 from slamcli.vision.preparation import Preparation, PreparedFrame
 from slamcli.vision.stereo_matching import match_stereo
+
+_STEP = 8
+"""Of the pixels whose depth is kept for the occupancy grid, every so manieth column and row."""
 
 
 class FrameMaker:
@@ -28,12 +31,20 @@ class FrameMaker:
         self._orb = orb_settings(parameters)
         self.preparation = Preparation(rig, preparation_settings(parameters, rig))
         self.camera = self.preparation.camera
+        self.grid_settings = grid_settings(parameters)
         self.scales: NDArray[np.float64] = self._orb.scale_factor ** np.arange(self._orb.num_levels, dtype=np.float64)
+
+    @property
+    def depth_pixels(self) -> NDArray[np.float64]:
+        """float64 (M, 2), where the depths that a frame keeps lie in the ideal camera; NaN outside."""
+        v, u = np.mgrid[0 : self.preparation.height : _STEP, 0 : self.preparation.width : _STEP]
+        return self.preparation.to_pinhole(np.column_stack([u.ravel(), v.ravel()]).astype(np.float64)).pixels
 
     def make(self, number: int, measurement: Measurement) -> Frame:
         """Return a frame that sees no map point yet."""
         prepared = self.preparation.prepare(measurement)
         features = self._features(prepared)
+        depth = None if prepared.depth is None else prepared.depth[::_STEP, ::_STEP].ravel().astype(np.float16)
         image = prepared.grey if prepared.colour is None else prepared.colour
         return Frame(
             number=number,
@@ -42,6 +53,7 @@ class FrameMaker:
             grid=feature_grid(features, self.camera),
             points=np.full(len(features), -1, dtype=np.int64),
             colours=colours_at(image, features.raw_pixels),
+            depth=depth,
         )
 
     def _features(self, prepared: PreparedFrame) -> Features:

@@ -22,6 +22,7 @@ class TrackedFrame:
     """A frame by its pose beside a keyframe, and by what it saw."""
 
     number: int
+    stamp_ns: int
     map_number: int
     """Which of the maps it is in."""
     reference: int
@@ -36,6 +37,8 @@ class TrackedFrame:
     """(M,), NaN where unknown."""
     sigmas: NDArray[np.float64]
     """(M,)."""
+    depth: NDArray[np.float16] | None = None
+    """As `Frame.depth`."""
 
 
 def tracked_frame(sparse_map: SparseMap, map_number: int, frame: Frame) -> TrackedFrame:
@@ -44,6 +47,7 @@ def tracked_frame(sparse_map: SparseMap, map_number: int, frame: Frame) -> Track
     T_reference = sparse_map.T_camera_map[frame.reference]
     return TrackedFrame(
         number=frame.number,
+        stamp_ns=frame.stamp_ns,
         map_number=map_number,
         reference=frame.reference,
         T_frame_reference=frame.T_camera_map @ np.linalg.inv(T_reference),
@@ -51,6 +55,7 @@ def tracked_frame(sparse_map: SparseMap, map_number: int, frame: Frame) -> Track
         pixels=frame.features.pixels[rows],
         right=frame.features.right[rows],
         sigmas=frame.features.sigmas[rows],
+        depth=frame.depth,
     )
 
 
@@ -68,6 +73,20 @@ def after_merge(frame: TrackedFrame, closure: Closure, newest: int) -> TrackedFr
         points=frame.points + closure.point_offset,
         T_frame_reference=beside,
     )
+
+
+def rescaled(frame: TrackedFrame, number: int, scale: float) -> TrackedFrame:
+    """Return a frame after the lengths of map `number` became `scale` times as long."""
+    if frame.map_number != number:
+        return frame
+    return replace(frame, T_frame_reference=scaled(frame.T_frame_reference, scale))
+
+
+def scaled(T: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """Return a pose with `scale` times the translation."""
+    out = T.copy()
+    out[:3, 3] *= scale
+    return out
 
 
 def final_pose(

@@ -12,13 +12,14 @@ from slamcli.errors import EstimationError
 from slamcli.geometry import se3
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import PointCloud
+from slamcli.orbslam3.atlas import visual_atlas
+from slamcli.orbslam3.depth_seen import DepthSeen
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
 from slamcli.orbslam3.session import Session
+from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.upright import Upright, upright
 from slamcli.trajectory import Trajectory
-
-_UPRIGHT = np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-"""Pose of an optical frame (z ahead, y down) in a frame with x ahead and z up (REP 103)."""
 
 
 def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list[int]) -> MappingResult:
@@ -36,10 +37,15 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
     gravity = session.inertial.gravity(sparse_map) if session.inertial is not None else None
-    T_map_start = _start(T_base_camera, gravity, upright=maker.preparation.rig.base_is_upright)
+    for complaint in [] if session.inertial is None else session.inertial.complaints(sparse_map):
+        setup.log.warn(complaint)
     poses = sparse_map.poses_of_all()
     tracked = [frame for frame in session.tracked if frame.map_number == chosen]
     T_camera = np.array([final_pose(sparse_map, poses, frame, refine=True) for frame in tracked])
+    seen = DepthSeen(maker, tracked, T_camera)
+    placed = _upright(maker, T_camera, sparse_map, seen, gravity, setup.seed)
+    T_map_start = placed.T_map_start
+    sparse_map.T_world_map = T_map_start
     T_map_base = T_map_start @ se3.inverse(T_camera) @ se3.inverse(T_base_camera)
     living = sparse_map.living_keyframes
     alive = np.flatnonzero(sparse_map.point_alive)
@@ -52,31 +58,35 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         cloud=PointCloud(
             stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32)
         ),
+        grid=seen.grid(placed, setup.map_frame),
+        atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
-            "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive),
+            "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **dict(sorted(session.counts.items())),
+            **({} if session.inertial is None else session.inertial.summary(sparse_map)),
         },
     )  # fmt: skip
 
 
-def _start(
-    T_base_camera: NDArray[np.float64], gravity: NDArray[np.float64] | None, *, upright: bool
-) -> NDArray[np.float64]:
-    """Return the pose of the session's first camera in a map whose z points up.
-
-    `gravity` (3,), pointing down in the camera's frame, says what is up where an IMU found it; the base is at the origin then,
-    and its x axis (z, should that stand upright) points ahead.
-    """
-    if gravity is None:
-        return T_base_camera if upright else _UPRIGHT
-    down = T_base_camera[:3, :3] @ gravity
-    up = -down / np.linalg.norm(down)
-    ahead = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
-    ahead -= (ahead @ up) * up
-    ahead /= np.linalg.norm(ahead)
-    T_map_base = np.eye(4)
-    T_map_base[:3, :3] = np.stack([ahead, np.cross(up, ahead), up])
-    return np.asarray(T_map_base @ T_base_camera)
+def _upright(
+    maker: FrameMaker,
+    T_camera: NDArray[np.float64],
+    sparse_map: SparseMap,
+    seen: DepthSeen,
+    gravity: NDArray[np.float64] | None,
+    seed: int,
+) -> Upright:
+    """Return the frame of the map: z up, by what is known of it."""
+    points = seen.sample() if seen else sparse_map.positions[sparse_map.point_alive]
+    on_robot = maker.preparation.rig.base_is_upright
+    return upright(
+        T_camera,
+        points,
+        T_base_camera=maker.preparation.T_base_camera if on_robot else None,
+        gravity=gravity,
+        seed=seed,
+        known=sparse_map.T_world_map,
+    )
 
 
 def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], setup: Setup) -> Trajectory:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+from slamcli.grids.depth_projection import DepthGridSettings
 from slamcli.measurements import CameraRig
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings
 from slamcli.orbslam3.local_mapping import MappingSettings
@@ -25,6 +26,14 @@ def orb_settings(parameters: OrbSlam3Parameters) -> OrbSettings:
         num_levels=extractor.num_levels,
         initial_threshold=extractor.initial_threshold,
         minimum_threshold=extractor.minimum_threshold,
+    )
+
+
+def grid_settings(parameters: OrbSlam3Parameters) -> DepthGridSettings:
+    """Return what of the depth goes into the occupancy grid."""
+    own = parameters.slamcli
+    return DepthGridSettings(
+        resolution_m=own.grid_resolution, low_m=own.grid_low, high_m=own.grid_high, reach_m=own.grid_reach
     )
 
 
@@ -52,5 +61,6 @@ def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pin
         farthest_m=farthest_m,
         least_start=min(500, parameters.extractor.num_features // 4),
         seed=seed,
+        reckons_keyframes=parameters.device.imu.insert_keyframes_when_lost,
         places=PlaceSettings(fix_scale=not mono, seed=seed) if parameters.loop_closing else None,
     )

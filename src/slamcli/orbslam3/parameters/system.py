@@ -73,7 +73,7 @@ class SlamcliParameters:
     """``slamcli``: what slamcli has and the original has not."""
 
     vocabulary: str = parameter(
-        "auto", "words for place recognition: a vocabulary file (DBoW2 text, .tar.gz, DBoW3 .yml.gz, slamcli's own), or auto, slamcli's own",
+        "auto", "words for place recognition: a vocabulary file (DBoW2 text, .tar.gz, DBoW3 .yml.gz, slamcli's own), auto, slamcli's own, or recording, learnt from it beforehand",
         extension=True,
     )  # fmt: skip
     final_bundle_adjustment: bool = parameter(
@@ -92,6 +92,28 @@ class SlamcliParameters:
         50.0, "half the angle of view that rectified stereo images show at most", unit="deg", minimum=10.0, maximum=75.0,
         extension=True,
     )  # fmt: skip
+    grid_resolution: float = parameter(
+        0.05, "size of a cell of the occupancy grid (with depth)", unit="m", minimum=0.005, maximum=1.0, extension=True
+    )
+    grid_low: float = parameter(
+        0.1,
+        "height above the floor from which something is in the way",
+        unit="m",
+        minimum=-10.0,
+        maximum=10.0,
+        extension=True,
+    )
+    grid_high: float = parameter(
+        1.5,
+        "height above the floor up to which something is in the way",
+        unit="m",
+        minimum=-10.0,
+        maximum=100.0,
+        extension=True,
+    )
+    grid_reach: float = parameter(
+        5.0, "range up to which depth draws obstacles", unit="m", minimum=0.1, maximum=100.0, extension=True
+    )
     pairing_tolerance: float | None = parameter(
         None, "images of two cameras belong together up to this difference of their stamps; default: 0.02 with depth and 0.005 of stereo, half a frame at most",
         kind=float, unit="s", minimum=0.0, maximum=10.0, extension=True,
