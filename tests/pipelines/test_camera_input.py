@@ -131,6 +131,7 @@ def test_colour_and_depth(tmp_path: Path) -> None:
     assert fed.feed.topics == {"rgb": "/camera/rgb/image_raw", "depth": "/camera/depth/image_raw"}
     assert (fed.rig.mode, fed.rig.main.intrinsics[0, 0], fed.feed.base_frame) == ("rgbd", 30.0, "camera")
     assert fed.rig.rate_hz == pytest.approx(20.0)
+    assert fed.feed.length_s == pytest.approx(0.25)
     assert any("mode rgbd" in note for note in fed.log.notes)
     assert fed.log.warnings == []
     frame = fed.measurements[0]

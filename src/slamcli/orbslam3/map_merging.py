@@ -113,6 +113,7 @@ def _joined(old: SparseMap, newer: SparseMap, S_old_newer: Floats) -> tuple[Spar
     """Return both maps as one, in the old one's frame, and the offsets of the newer one's keyframes and points."""
     merged = SparseMap(old.camera, old.scales)
     merged.append(old)
+    merged.T_world_map = old.T_world_map
     offset, point_offset = merged.append(newer)
     merged.T_camera_map[offset:] = rigid_of(newer.T_camera_map @ inverse(S_old_newer))
     merged.positions[point_offset:] = apply(S_old_newer, newer.positions)

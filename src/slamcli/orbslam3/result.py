@@ -12,6 +12,7 @@ from slamcli.errors import EstimationError
 from slamcli.geometry import se3
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import PointCloud
+from slamcli.orbslam3.atlas import visual_atlas
 from slamcli.orbslam3.depth_seen import DepthSeen
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
@@ -36,12 +37,15 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
     gravity = session.inertial.gravity(sparse_map) if session.inertial is not None else None
+    for complaint in [] if session.inertial is None else session.inertial.complaints(sparse_map):
+        setup.log.warn(complaint)
     poses = sparse_map.poses_of_all()
     tracked = [frame for frame in session.tracked if frame.map_number == chosen]
     T_camera = np.array([final_pose(sparse_map, poses, frame, refine=True) for frame in tracked])
     seen = DepthSeen(maker, tracked, T_camera)
     placed = _upright(maker, T_camera, sparse_map, seen, gravity, setup.seed)
     T_map_start = placed.T_map_start
+    sparse_map.T_world_map = T_map_start
     T_map_base = T_map_start @ se3.inverse(T_camera) @ se3.inverse(T_base_camera)
     living = sparse_map.living_keyframes
     alive = np.flatnonzero(sparse_map.point_alive)
@@ -55,9 +59,11 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
             stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32)
         ),
         grid=seen.grid(placed, setup.map_frame),
+        atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
             "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **dict(sorted(session.counts.items())),
+            **({} if session.inertial is None else session.inertial.summary(sparse_map)),
         },
     )  # fmt: skip
 
@@ -79,6 +85,7 @@ def _upright(
         T_base_camera=maker.preparation.T_base_camera if on_robot else None,
         gravity=gravity,
         seed=seed,
+        known=sparse_map.T_world_map,
     )
 
 

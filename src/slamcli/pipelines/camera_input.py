@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
@@ -71,6 +71,8 @@ class CameraFeed:
     """Where the accelerometer has a topic of its own: `imu` is the gyroscope's then."""
     built: BuiltRig
     log: RunLog
+    _stamps_ns: list[int] = field(default_factory=list)
+    """Of the first and the last frame so far."""
 
     @property
     def rig(self) -> CameraRig:
@@ -114,9 +116,8 @@ class CameraFeed:
 
     @property
     def length_s(self) -> float:
-        """Seconds of recording that are read."""
-        whole = (self.recording.end_ns - self.recording.start_ns) / 1e9 - (self.request.start_s or 0.0)
-        return whole if self.request.duration_s is None else min(whole, self.request.duration_s)
+        """Seconds between the first and the last frame that were read: an IMU may go on for longer."""
+        return (self._stamps_ns[-1] - self._stamps_ns[0]) / 1e9 if self._stamps_ns else 0.0
 
     def measurements(self) -> Iterator[Measurement]:
         """Yield frames in the order of their stamps, each after its IMU samples; they are decoded ahead on a thread.
@@ -142,6 +143,7 @@ class CameraFeed:
         for measurement in read_ahead(decoded, self.log):
             yield measurement
             if isinstance(measurement, (Image, StereoPair, RgbdFrame)):
+                self._stamps_ns[1:] = [measurement.stamp_ns]
                 self.log.progress.update((measurement.stamp_ns - began) / 1e9)
         if pairing.figures.num_frames == 0:
             raise RecordingError(f"{self.recording.name}: {self._why_none(pairing)}")

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from slamcli.formats.atlas_files import write_atlas
 from slamcli.formats.clouds import Colour, write_cloud
 from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
 from slamcli.formats.g2o import graph_of_state, write_g2o
@@ -59,6 +60,8 @@ def write_result(
     write_tum(folder / "trajectory.tum", result.trajectory)
     if result.keyframes is not None:
         write_tum(folder / "keyframes.tum", result.keyframes)
+    if result.atlas is not None:
+        write_atlas(result.atlas, folder / "atlas.npz")
     if result.state is not None:
         write_constraints(folder / "constraints.csv", result.state)
         write_state(folder / "state.pbstream", result.state)

@@ -73,7 +73,7 @@ class SlamcliParameters:
     """``slamcli``: what slamcli has and the original has not."""
 
     vocabulary: str = parameter(
-        "auto", "words for place recognition: a vocabulary file (DBoW2 text, .tar.gz, DBoW3 .yml.gz, slamcli's own), or auto, slamcli's own",
+        "auto", "words for place recognition: a vocabulary file (DBoW2 text, .tar.gz, DBoW3 .yml.gz, slamcli's own), auto, slamcli's own, or recording, learnt from it beforehand",
         extension=True,
     )  # fmt: skip
     final_bundle_adjustment: bool = parameter(
