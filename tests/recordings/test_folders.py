@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import data_folders
 import numpy as np
 import pytest
 
+from slamcli.cli.main import run
 from slamcli.errors import RecordingError
 from slamcli.measurements import CameraModel, Image, StampedPose
 from slamcli.pipelines.convert import convert
@@ -217,3 +219,23 @@ def test_an_empty_list_is_refused(tmp_path: Path) -> None:
     (folder / "rgb.txt").write_text("# nothing\n")
     with pytest.raises(RecordingError, match=r"nothing of it can be read \(.*names no images"):
         open_recording(folder)
+
+
+def test_the_commands_take_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(data_folders.kitti(tmp_path / "03", 12))
+    assert run(["info", folder, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["format"] == "KITTI odometry folder"
+    fits = {tier["tier"]: tier["mode"] for tier in document["tiers"] if tier["runs"]}
+    assert fits == {"rtabmap": "stereo", "orbslam3": "stereo"}
+    assert run(["doctor", folder]) == 0
+    assert "0 errors, 0 warnings" in capsys.readouterr().out
+    assert run(["view", folder, "-o", str(tmp_path / "v.png")]) == 0
+    estimate = tmp_path / "estimate.tum"
+    estimate.write_text("".join(f"{0.1 * i:.1f} 1 0 {i + 0.1 * (i % 2):.1f} 0 0 0 1\n" for i in range(12)))
+    capsys.readouterr()
+    assert run(["evaluate", str(estimate), folder, "--align-origin", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["poses"]["matched"] == 12
+    assert document["ate"]["rmse"] == pytest.approx(0.1 * 0.5**0.5, abs=1e-6)
+    assert run(["evaluate", str(estimate), str(tmp_path)]) == 2

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,11 @@ class LoopClosing:
             if match is not None and (closure := self._merge(maps, match, [None] * len(maps))) is not None:
                 return closure
         return None
+
+    def settle_scale(self) -> None:
+        """From now on maps are in metres: places that ask for another scale are refused."""
+        self._settings = replace(self._settings, fix_scale=True)
+        self._recognition.use(self._settings)
 
     def forget(self) -> None:
         """Begin another map."""

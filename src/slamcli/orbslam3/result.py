@@ -37,6 +37,8 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
     gravity = session.inertial.gravity(sparse_map) if session.inertial is not None else None
+    for complaint in [] if session.inertial is None else session.inertial.complaints(sparse_map):
+        setup.log.warn(complaint)
     poses = sparse_map.poses_of_all()
     tracked = [frame for frame in session.tracked if frame.map_number == chosen]
     T_camera = np.array([final_pose(sparse_map, poses, frame, refine=True) for frame in tracked])
@@ -61,6 +63,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         summary={
             "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **dict(sorted(session.counts.items())),
+            **({} if session.inertial is None else session.inertial.summary(sparse_map)),
         },
     )  # fmt: skip
 

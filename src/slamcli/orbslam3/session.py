@@ -10,16 +10,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.geometry import se3
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
-from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_frame
+from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, rescaled, scaled, tracked_frame
 from slamcli.orbslam3.inertial_mapping import InertialMapping
 from slamcli.orbslam3.inertial_state import Imu
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
 from slamcli.orbslam3.loop_closing import Closure
+from slamcli.orbslam3.motion import part_of
 from slamcli.orbslam3.place_settings import PlaceSettings
 from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
@@ -64,6 +64,8 @@ class SessionSettings:
     seed: int = 0
     places: PlaceSettings | None = None
     """How places are recognised; None: loops are not closed, maps not joined."""
+    reckons_keyframes: bool = True
+    """Whether a lost camera that measures depth begins anew where the IMU says it is (IMU.InsertKFsWhenLost)."""
     lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
     patience_ns: int = 2_000_000_000
     """So long, and for five frames at least, a lost frame is looked for in the map; then another map is begun where the track was lost."""
@@ -128,6 +130,7 @@ class Session:
     def _take(self, frame: Frame) -> None:
         last = self._last
         held = self._begin(frame) if last is None else self._track(last, frame) or self._look_for(frame)
+        held = held or self._reckon(frame)
         self.steps[frame.number] = (held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum()))
         if held:
             self._keep(frame)
@@ -136,6 +139,8 @@ class Session:
 
     def _lose(self, frame: Frame) -> None:
         """Keep a frame without a pose; begin another map when the track has been lost for too long."""
+        if self.tracked and self.tracked[-1].number == frame.number:  # the IMU gave it one
+            return
         self.untracked[frame.number] = frame
         while len(self.untracked) > _MOST_UNTRACKED:
             del self.untracked[min(self.untracked)]
@@ -151,6 +156,24 @@ class Session:
             for other in waiting:
                 other.points[:] = -1
                 self._take(other)
+
+    def _reckon(self, frame: Frame) -> int:
+        """Give a lost frame the pose that the IMU says; return how many points it shows if it could begin anew there."""
+        if (
+            self.inertial is None
+            or self._last is None
+            or (T := self.inertial.predicted(self.map, frame.stamp_ns)) is None
+        ):
+            return 0
+        frame.T_camera_map, frame.reference = T, int(self.map.living_keyframes[-1])
+        frame.points[:] = -1
+        if self.settings.reckons_keyframes and self.inertial.begins_anew(frame, self.settings.least_start):
+            self._add_keyframe(frame)
+            self.counts["keyframes where the IMU alone told the pose"] += 1
+        else:
+            self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
+        self.counts["frames posed by the IMU alone"] += 1
+        return frame.num_points
 
     def _look_for(self, frame: Frame) -> int:
         """Find a lost frame in the map, or now and then in the others; return how many points hold, 0 if it is nowhere."""
@@ -265,7 +288,7 @@ class Session:
         if self._velocity is None:
             return None
         share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
-        return _part_of(self._velocity, share) @ last.T_camera_map
+        return part_of(self._velocity, share) @ last.T_camera_map
 
     def _wants_keyframe(self, frame: Frame, held: int) -> bool:
         if needs_keyframe(self.map, frame, self._last_keyframe, held, self.settings.keyframes):
@@ -297,14 +320,15 @@ class Session:
 
     def _recognise(self, keyframe: int) -> int:
         """Close the loop or join the maps if the keyframe shows a known place; return its number then."""
-        closure = self._places.insert(self.maps, keyframe)
+        maps = list(self.maps)
+        closure = self._places.insert(self.maps, keyframe, self._up())
         if closure is None:
             return keyframe
-        self._follow(closure)
+        self._follow(closure, maps)
         return keyframe + closure.keyframe_offset
 
-    def _follow(self, closure: Closure) -> None:
-        """Keep up with a correction of the maps."""
+    def _follow(self, closure: Closure, before: list[SparseMap]) -> None:
+        """Keep up with a correction of the maps, which were those `before`."""
         self.closures.append(closure)
         if self._velocity is not None:
             self._velocity = self._velocity.copy()
@@ -312,21 +336,23 @@ class Session:
         if closure.merged_map >= 0:
             newest = len(self.maps) - 1
             self.tracked = [after_merge(frame, closure, newest) for frame in self.tracked]
+            if self.inertial is not None:
+                joined = before[closure.merged_map], before[newest]
+                self.inertial.join(*joined, self.map, closure.keyframe_offset)
             self._mapping.forget()
 
     def _rescale(self, number: int, scale: float) -> None:
         """Keep up with a map whose lengths became `scale` times as long."""
         if scale == 1.0:
             return
-        self.tracked = [
-            replace(frame, T_frame_reference=_scaled(frame.T_frame_reference, scale))
-            if frame.map_number == number
-            else frame
-            for frame in self.tracked
-        ]
+        self.tracked = [rescaled(frame, number, scale) for frame in self.tracked]
+        self._places.settle_scale()
         if number == len(self.maps) - 1:
-            self._beside_reference = _scaled(self._beside_reference, scale)
-            self._velocity = None if self._velocity is None else _scaled(self._velocity, scale)
+            self._beside_reference = scaled(self._beside_reference, scale)
+            self._velocity = None if self._velocity is None else scaled(self._velocity, scale)
+
+    def _up(self) -> list[NDArray[np.float64] | None] | None:
+        return None if self.inertial is None else [self.inertial.up(sparse_map) for sparse_map in self.maps]
 
     def _keep(self, frame: Frame) -> None:
         self.untracked.pop(frame.number, None)
@@ -350,12 +376,14 @@ class Session:
         self.tracked = sorted([*self.tracked, *found], key=lambda one: one.number)
 
     def _settle(self) -> None:
-        if (closure := self._places.finish(self.maps)) is not None:
-            self._follow(closure)
+        maps = list(self.maps)
+        if (closure := self._places.finish(self.maps, self._up())) is not None:
+            self._follow(closure, maps)
         for number in range(len(self.maps) - 1):
             self._activate(number)  # each map once the newest
+            maps = list(self.maps)
             if (closure := self._places.join(self.maps)) is not None:
-                self._follow(closure)
+                self._follow(closure, maps)
         for number, sparse_map in enumerate(self.maps):
             if len(sparse_map.living_keyframes) > 1:
                 scale = self.inertial.finish(sparse_map) if self.inertial is not None else None
@@ -363,19 +391,3 @@ class Session:
                     adjust_all(sparse_map)
                 else:
                     self._rescale(number, scale)
-
-
-def _scaled(T: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Return a pose with `scale` times the translation."""
-    out = T.copy()
-    out[:3, 3] *= scale
-    return out
-
-
-def _part_of(T: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """Return a share (also more than one) of a small motion."""
-    shift, quat_xyzw = se3.to_position_quaternion(T)
-    angle = 2.0 * np.arctan2(np.linalg.norm(quat_xyzw[:3]), quat_xyzw[3])
-    axis = quat_xyzw[:3] / max(float(np.linalg.norm(quat_xyzw[:3])), 1e-12)
-    turned = np.concatenate([axis * np.sin(0.5 * share * angle), [np.cos(0.5 * share * angle)]])
-    return se3.from_position_quaternion(share * shift, turned)

@@ -61,5 +61,6 @@ def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pin
         farthest_m=farthest_m,
         least_start=min(500, parameters.extractor.num_features // 4),
         seed=seed,
+        reckons_keyframes=parameters.device.imu.insert_keyframes_when_lost,
         places=PlaceSettings(fix_scale=not mono, seed=seed) if parameters.loop_closing else None,
     )
