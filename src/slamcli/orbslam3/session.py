@@ -105,9 +105,10 @@ class Session:
         self.num_frames += 1
         self._take(frame)
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: Frame, *, again: bool = False) -> None:
+        """`again`: the frame was looked for in the maps before."""
         last = self._last
-        held = self._begin(frame) if last is None else self._track(last, frame) or self._look_for(frame)
+        held = self._begin(frame, again=again) if last is None else self._track(last, frame) or self._look_for(frame)
         held = held or self._reckon(frame)
         self.steps[frame.number] = (held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum()))
         if held:
@@ -133,7 +134,7 @@ class Session:
             self._new_map()
             for other in waiting:
                 other.points[:] = -1
-                self._take(other)
+                self._take(other, again=True)
 
     def _reckon(self, frame: Frame) -> int:
         """Give a lost frame the pose that the IMU says; return how many points it shows if it could begin anew there."""
@@ -199,9 +200,9 @@ class Session:
     def _words(self, frame: Frame) -> BagOfWords | None:
         return self._places.words(frame)
 
-    def _begin(self, frame: Frame) -> int:
+    def _begin(self, frame: Frame, *, again: bool) -> int:
         """Find the frame in another map, or start the map with it if that can be; return how many points it sees."""
-        if not self.tracked and (held := self._look_for(frame)):  # after a loss the maps were asked already
+        if not again and (held := self._look_for(frame)):
             return held
         if self.settings.localise_only:
             return 0
@@ -227,9 +228,11 @@ class Session:
         if best.held < _LEAST_HELD:
             self.counts["frames lost"] += 1
             return 0
-        count_sightings(self.map, frame, best.visible)
         self._set_velocity(last, frame)
-        if not self.settings.localise_only and self._wants_keyframe(frame, best.held):
+        if self.settings.localise_only:
+            return best.held
+        count_sightings(self.map, frame, best.visible)
+        if self._wants_keyframe(frame, best.held):
             self._add_keyframe(frame)
         return best.held
 
