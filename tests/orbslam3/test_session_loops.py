@@ -15,7 +15,8 @@ from slamcli.orbslam3.keyframe_rules import KeyframeSettings
 from slamcli.orbslam3.local_mapping import MappingSettings
 from slamcli.orbslam3.loop_closing import Closure
 from slamcli.orbslam3.place_settings import PlaceSettings
-from slamcli.orbslam3.session import Session, SessionSettings
+from slamcli.orbslam3.session import Session
+from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.matching import feature_grid
 
