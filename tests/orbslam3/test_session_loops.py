@@ -74,7 +74,7 @@ def test_frames_get_the_numbers_of_the_joined_map():
         T = np.eye(4)
         T[0, 3] = 2.0
         return TrackedFrame(
-            number=7, map_number=map_number, reference=3, T_frame_reference=T, points=np.array([4, 5]),
+            number=7, stamp_ns=0, map_number=map_number, reference=3, T_frame_reference=T, points=np.array([4, 5]),
             pixels=np.zeros((2, 2)), right=none, sigmas=none,
         )  # fmt: skip
 

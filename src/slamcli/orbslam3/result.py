@@ -64,6 +64,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
             "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
+            **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
         },
     )  # fmt: skip
 
