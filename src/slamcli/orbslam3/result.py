@@ -14,6 +14,7 @@ from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import PointCloud
 from slamcli.orbslam3.atlas import visual_atlas
 from slamcli.orbslam3.depth_seen import DepthSeen
+from slamcli.orbslam3.disparity_offset import DisparityOffset
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
 from slamcli.orbslam3.session import Session
@@ -62,6 +63,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
             "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
+            **_disparity(session.disparity_offsets.get(chosen)),
             **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
             **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
@@ -88,6 +90,10 @@ def _upright(
         seed=seed,
         known=sparse_map.T_world_map,
     )
+
+
+def _disparity(found: DisparityOffset | None) -> dict[str, float]:
+    return {} if found is None else {"disparity_offset_px": found.offset_px}
 
 
 def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], setup: Setup) -> Trajectory:
