@@ -15,7 +15,8 @@ from slamcli.orbslam3.keyframe_rules import KeyframeSettings
 from slamcli.orbslam3.local_mapping import MappingSettings
 from slamcli.orbslam3.loop_closing import Closure
 from slamcli.orbslam3.place_settings import PlaceSettings
-from slamcli.orbslam3.session import Session, SessionSettings
+from slamcli.orbslam3.session import Session
+from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.matching import feature_grid
 
@@ -74,7 +75,7 @@ def test_frames_get_the_numbers_of_the_joined_map():
         T = np.eye(4)
         T[0, 3] = 2.0
         return TrackedFrame(
-            number=7, stamp_ns=0, map_number=map_number, reference=3, T_frame_reference=T, points=np.array([4, 5]),
+            number=7, stamp_ns=7, map_number=map_number, reference=3, T_frame_reference=T, points=np.array([4, 5]),
             pixels=np.zeros((2, 2)), right=none, sigmas=none,
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import PointCloud
 from slamcli.orbslam3.atlas import visual_atlas
 from slamcli.orbslam3.depth_seen import DepthSeen
+from slamcli.orbslam3.disparity_offset import DisparityOffset
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
 from slamcli.orbslam3.session import Session
@@ -56,14 +57,17 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
             sparse_map.stamp_ns[living], T_map_start @ se3.inverse(poses[living]) @ se3.inverse(T_base_camera), setup
         ),
         cloud=PointCloud(
-            stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32)
+            stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32),
+            colours=sparse_map.colours[alive],
         ),
         grid=seen.grid(placed, setup.map_frame),
         atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
             "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
+            **_disparity(session.disparity_offsets.get(chosen)),
             **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
+            **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
         },
     )  # fmt: skip
 
@@ -87,6 +91,10 @@ def _upright(
         seed=seed,
         known=sparse_map.T_world_map,
     )
+
+
+def _disparity(found: DisparityOffset | None) -> dict[str, float]:
+    return {} if found is None else {"disparity_offset_px": found.offset_px}
 
 
 def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], setup: Setup) -> Trajectory:

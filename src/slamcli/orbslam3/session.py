@@ -5,30 +5,29 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.orbslam3.bundles import adjust_all
+from slamcli.orbslam3.disparity_offset import DisparityOffset, apply_offset, find_disparity_offset, with_offset
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, rescaled, scaled, tracked_frame
 from slamcli.orbslam3.inertial_mapping import InertialMapping
 from slamcli.orbslam3.inertial_state import Imu
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
-from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
-from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
+from slamcli.orbslam3.keyframe_rules import needs_keyframe
+from slamcli.orbslam3.local_mapping import LocalMapping
 from slamcli.orbslam3.loop_closing import Closure
 from slamcli.orbslam3.motion import part_of
-from slamcli.orbslam3.place_settings import PlaceSettings
 from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
-from slamcli.orbslam3.relocalisation import RelocalisationSettings
 from slamcli.orbslam3.second_look import second_look
+from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.orbslam3.tracking import (
     LocalTrack,
-    TrackingSettings,
     count_sightings,
     track_keyframe,
     track_local_map,
@@ -48,29 +47,6 @@ _THOROUGH_EVERY = 5
 """Every fifth of them by descriptors too, which takes long on large maps."""
 _MOST_UNTRACKED = 500
 _NOTHING = LocalTrack(held=0, visible=np.empty(0, dtype=np.int64))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SessionSettings:
-    """What the parts of a session are built with."""
-
-    tracking: TrackingSettings
-    keyframes: KeyframeSettings
-    mapping: MappingSettings
-    close_m: float
-    farthest_m: float
-    least_start: int = 500
-    """Features that the first keyframe of a camera with depth needs."""
-    seed: int = 0
-    places: PlaceSettings | None = None
-    """How places are recognised; None: loops are not closed, maps not joined."""
-    reckons_keyframes: bool = True
-    """Whether a lost camera that measures depth begins anew where the IMU says it is (IMU.InsertKFsWhenLost)."""
-    lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
-    patience_ns: int = 2_000_000_000
-    """So long, and for five frames at least, a lost frame is looked for in the map; then another map is begun where the track was lost."""
-    localise_only: bool = False
-    """Whether the maps that were given stay as they are."""
 
 
 class Session:
@@ -102,6 +78,8 @@ class Session:
         self.untracked: dict[int, Frame] = {}
         """Frames that have no pose, by number; the last 500."""
         self.num_frames = 0
+        self.disparity_offsets: dict[int, DisparityOffset] = {}
+        """What was found to be wrong of all disparities, by map."""
         self.steps: dict[int, tuple[int, int, int]] = {}
         """Per frame, by number: points that hold, keyframes alive, points alive."""
         self._waiting: list[Frame] = []
@@ -127,9 +105,10 @@ class Session:
         self.num_frames += 1
         self._take(frame)
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: Frame, *, again: bool = False) -> None:
+        """`again`: the frame was looked for in the maps before."""
         last = self._last
-        held = self._begin(frame) if last is None else self._track(last, frame) or self._look_for(frame)
+        held = self._begin(frame, again=again) if last is None else self._track(last, frame) or self._look_for(frame)
         held = held or self._reckon(frame)
         self.steps[frame.number] = (held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum()))
         if held:
@@ -155,7 +134,7 @@ class Session:
             self._new_map()
             for other in waiting:
                 other.points[:] = -1
-                self._take(other)
+                self._take(other, again=True)
 
     def _reckon(self, frame: Frame) -> int:
         """Give a lost frame the pose that the IMU says; return how many points it shows if it could begin anew there."""
@@ -221,9 +200,9 @@ class Session:
     def _words(self, frame: Frame) -> BagOfWords | None:
         return self._places.words(frame)
 
-    def _begin(self, frame: Frame) -> int:
+    def _begin(self, frame: Frame, *, again: bool) -> int:
         """Find the frame in another map, or start the map with it if that can be; return how many points it sees."""
-        if not self.tracked and (held := self._look_for(frame)):  # after a loss the maps were asked already
+        if not again and (held := self._look_for(frame)):
             return held
         if self.settings.localise_only:
             return 0
@@ -249,9 +228,11 @@ class Session:
         if best.held < _LEAST_HELD:
             self.counts["frames lost"] += 1
             return 0
-        count_sightings(self.map, frame, best.visible)
         self._set_velocity(last, frame)
-        if not self.settings.localise_only and self._wants_keyframe(frame, best.held):
+        if self.settings.localise_only:
+            return best.held
+        count_sightings(self.map, frame, best.visible)
+        if self._wants_keyframe(frame, best.held):
             self._add_keyframe(frame)
         return best.held
 
@@ -375,6 +356,14 @@ class Session:
             del self.untracked[one.number]
         self.tracked = sorted([*self.tracked, *found], key=lambda one: one.number)
 
+    def _mend_disparities(self, number: int) -> None:
+        """Take an error that all disparities of a map share out of it."""
+        found = find_disparity_offset(self.maps[number])
+        if found is not None:
+            apply_offset(self.maps[number], found.offset_px)
+            self.tracked = [with_offset(f, found.offset_px) if f.map_number == number else f for f in self.tracked]
+            self.disparity_offsets[number] = found
+
     def _settle(self) -> None:
         maps = list(self.maps)
         if (closure := self._places.finish(self.maps, self._up())) is not None:
@@ -386,6 +375,8 @@ class Session:
                 self._follow(closure, maps)
         for number, sparse_map in enumerate(self.maps):
             if len(sparse_map.living_keyframes) > 1:
+                if self.settings.mend_disparities:
+                    self._mend_disparities(number)
                 scale = self.inertial.finish(sparse_map) if self.inertial is not None else None
                 if scale is None:
                     adjust_all(sparse_map)

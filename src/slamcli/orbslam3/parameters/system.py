@@ -79,6 +79,11 @@ class SlamcliParameters:
     final_bundle_adjustment: bool = parameter(
         True, "adjust all keyframes and points together at the end", extension=True
     )
+    mend_disparities: bool = parameter(
+        True,
+        "take an error that all disparities share (calibration of a stereo camera) out of the map at the end",
+        extension=True,
+    )
     equalise: bool = parameter(False, "equalise local contrast (CLAHE) before key points are found", extension=True)
     virtual_baseline: float = parameter(
         0.08, "virtual baseline of RGB-D, where Camera.bf and Stereo.b are not given", unit="m", minimum=1e-3, maximum=10.0,
