@@ -57,7 +57,8 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
             sparse_map.stamp_ns[living], T_map_start @ se3.inverse(poses[living]) @ se3.inverse(T_base_camera), setup
         ),
         cloud=PointCloud(
-            stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32)
+            stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32),
+            colours=sparse_map.colours[alive],
         ),
         grid=seen.grid(placed, setup.map_frame),
         atlas=None if setup.localise_only else visual_atlas(session.maps),
@@ -66,6 +67,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
             **_disparity(session.disparity_offsets.get(chosen)),
             **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
+            **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
         },
     )  # fmt: skip
 

@@ -39,7 +39,7 @@ class OutputChoices:
 
     map_mode: Mode = "trinary"
     cloud_format: CloudFormat = "ply"
-    cloud_colour: Colour = "height"
+    cloud_colour: Colour = "rgb"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
