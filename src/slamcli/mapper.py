@@ -14,8 +14,11 @@ from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import CameraRig, Measurement, PointCloud
 from slamcli.posegraph import LoopSearch, MapState
+from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+from slamcli.vision.visual_atlas import VisualAtlas
+from slamcli.vision.vocabulary import Vocabulary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +40,10 @@ class MappingResult:
     """Searches for loop closures that found a candidate, accepted or not, in the order in which they were made."""
     cloud: PointCloud | None = None
     """The mapped points in the map frame (3D)."""
+    keyframe_graph: KeyframeGraph | None = None
+    """What ties the `keyframes` of a tier that sees, in their order."""
+    atlas: VisualAtlas | None = None
+    """All maps of a tier that sees, from which mapping can go on."""
 
 
 class Mapper(Protocol):
@@ -65,6 +72,12 @@ class Setup:
     jobs: int = 1
     state: MapState | None = None
     """Where mapping goes on from (``--load-state``); None for a new map."""
+    atlas: VisualAtlas | None = None
+    """The same for tiers that see (``--load-atlas``)."""
+    localise_only: bool = False
+    """Whether the maps of `atlas` stay as they are, and no others are begun."""
+    vocabulary: Vocabulary | None = None
+    """By which tiers that see know places again; None: by descriptors alone."""
     no_return: str = "ignore"
     """What an inf or maximum-range beam means: ignore, free (clears up to the usable range) or max (an end point)."""
     log: RunLog = field(default_factory=RunLog)

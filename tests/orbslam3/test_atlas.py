@@ -64,7 +64,7 @@ def assert_same(one, other):
 
 def test_maps_come_back_as_they_were():
     maps = [small_map(1), small_map(2, 3)]
-    atlas = visual_atlas([*maps, SparseMap(CAMERA, SCALES)], np.eye(4))
+    atlas = visual_atlas([*maps, SparseMap(CAMERA, SCALES)])
     assert [saved.num_keyframes for saved in atlas.maps] == [4, 3]
     again = sparse_maps(atlas, CAMERA, SCALES)
     for one, other in zip(maps, again, strict=True):
@@ -72,7 +72,7 @@ def test_maps_come_back_as_they_were():
         assert other.keyframe_alive.all()
         assert np.array_equal(one.covisible(1, 1)[0], other.covisible(1, 1)[0])
         assert np.array_equal(one.count_observations(), other.count_observations())
-    assert_same(again[0], sparse_maps(visual_atlas(again, np.eye(4)), CAMERA, SCALES)[0])
+    assert_same(again[0], sparse_maps(visual_atlas(again), CAMERA, SCALES)[0])
 
 
 def test_what_was_culled_is_left_out():
@@ -81,7 +81,7 @@ def test_what_was_culled_is_left_out():
     sparse_map.remove_points(np.array([2, 5]))
     sparse_map.merge_points(np.array([7]), np.array([8]))
     sparse_map.remove_keyframe(1)
-    (again,) = sparse_maps(visual_atlas([sparse_map], np.eye(4)), CAMERA, SCALES)
+    (again,) = sparse_maps(visual_atlas([sparse_map]), CAMERA, SCALES)
     assert again.num_keyframes == 3
     assert again.num_points == int(sparse_map.point_alive.sum())
     assert np.array_equal(again.T_camera_map, poses[[0, 2, 3]])
@@ -96,7 +96,7 @@ def test_what_was_culled_is_left_out():
 
 
 def test_a_map_that_goes_on_grows_as_any_other():
-    (again,) = sparse_maps(visual_atlas([small_map(4)], np.eye(4)), CAMERA, SCALES)
+    (again,) = sparse_maps(visual_atlas([small_map(4)]), CAMERA, SCALES)
     before = again.num_points
     features = again.features(2)
     frame = Frame(number=99, stamp_ns=99, features=features, grid=again.grids[2], points=again.seen[2, : len(features)].copy())  # fmt: skip
@@ -108,7 +108,7 @@ def test_a_map_that_goes_on_grows_as_any_other():
 
 
 def test_another_camera_or_pyramid_is_refused():
-    atlas = visual_atlas([small_map(5)], np.eye(4))
+    atlas = visual_atlas([small_map(5)])
     with pytest.raises(CalibrationError, match=r"another camera: fx, fy, cx, cy, baseline 300, .* here 301, "):
         sparse_maps(atlas, replace(CAMERA, fx=301.0), SCALES)
     with pytest.raises(CalibrationError, match=r"here 300, 300, 160, 120 px, 0 m"):
@@ -131,7 +131,7 @@ def test_another_camera_or_pyramid_is_refused():
     ],
 )
 def test_columns_that_do_not_fit_are_refused(name, change, message):
-    columns = dict(visual_atlas([small_map(6)], np.eye(4)).maps[0].columns)
+    columns = dict(visual_atlas([small_map(6)]).maps[0].columns)
     if change is None:
         del columns[name]
     else:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
+import json
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ import data_folders
 import numpy as np
 import pytest
 
+from slamcli.cli.main import run
 from slamcli.errors import RecordingError
 from slamcli.measurements import CameraModel, Image, StampedPose
 from slamcli.pipelines.convert import convert
@@ -65,7 +68,8 @@ def test_tum_is_a_recording(tmp_path: Path, name: str, fx: float) -> None:
     assert depth[0].stamp_ns - images[0].stamp_ns == 7_000_000
     np.testing.assert_array_equal(images[0].pixels, data_folders.picture(0))
     assert depth[0].pixels[0, :3].tolist() == [0.0, 0.0, float(np.float32(1002) / np.float32(5000))]
-    assert _all(folder, "/camera/depth/camera_info")[0].intrinsics[0, 0] == fx
+    assert log.notes == []
+    assert _all(folder, "/camera/depth/camera_info", log)[0].intrinsics[0, 0] == fx
     assert any("freiburg" in note for note in log.notes)
     assert len(_all(folder, "/groundtruth")) == 4
 
@@ -217,3 +221,44 @@ def test_an_empty_list_is_refused(tmp_path: Path) -> None:
     (folder / "rgb.txt").write_text("# nothing\n")
     with pytest.raises(RecordingError, match=r"nothing of it can be read \(.*names no images"):
         open_recording(folder)
+
+
+def test_the_commands_take_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(data_folders.kitti(tmp_path / "03", 12))
+    assert run(["info", folder, "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["format"] == "KITTI odometry folder"
+    fits = {tier["tier"]: tier["mode"] for tier in document["tiers"] if tier["runs"]}
+    assert fits == {"rtabmap": "stereo", "orbslam3": "stereo"}
+    assert run(["doctor", folder]) == 0
+    assert "0 errors, 0 warnings" in capsys.readouterr().out
+    assert run(["view", folder, "-o", str(tmp_path / "v.png")]) == 0
+    estimate = tmp_path / "estimate.tum"
+    estimate.write_text("".join(f"{0.1 * i:.1f} 1 0 {i + 0.1 * (i % 2):.1f} 0 0 0 1\n" for i in range(12)))
+    capsys.readouterr()
+    assert run(["evaluate", str(estimate), folder, "--align-origin", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["poses"]["matched"] == 12
+    assert document["ate"]["rmse"] == pytest.approx(0.1 * 0.5**0.5, abs=1e-6)
+    assert run(["evaluate", str(estimate), str(tmp_path)]) == 2
+
+
+def test_stamps_that_no_message_holds_are_left_out(tmp_path: Path) -> None:
+    folder = data_folders.tum(tmp_path / "fr1")
+    text = (folder / "rgb.txt").read_text()
+    (folder / "rgb.txt").write_text(
+        text.replace("1305031102.208637 ", "-5 ").replace("1305031102.275304 ", "3305031102.5 ")
+    )
+    log = RunLog()
+    assert len(_all(folder, RGB, log)) == 2
+    assert any("2 of 4 stamps are beyond what a message can hold (first: -5 s)" in line for line in log.warnings)
+
+
+def test_threads_read_the_same(tmp_path: Path) -> None:
+    folder = data_folders.tum(tmp_path / "fr1", 30)
+    with open_recording(folder) as recording, ThreadPoolExecutor(4) as pool:
+        topics = [RGB, DEPTH, RGB, DEPTH]
+        read = list(pool.map(lambda topic: [m.pixels for m in recording.measurements([topic])], topics))
+    for a, b in ((0, 2), (1, 3)):
+        assert len(read[a]) == 30
+        assert all(np.array_equal(x, y) for x, y in zip(read[a], read[b], strict=True))

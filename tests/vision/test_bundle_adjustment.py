@@ -99,6 +99,10 @@ def test_wrong_indices_and_shapes_are_named():
         dataclasses.replace(problem, camera_index=wrong)
     with pytest.raises(DataError, match="pixels is"):
         dataclasses.replace(problem, pixels=problem.pixels[:3])
+    with pytest.raises(DataError, match="right has numbers that are not finite"):
+        dataclasses.replace(problem, right=np.where(np.arange(30) == 2, np.inf, problem.right))
+    with pytest.raises(DataError, match="sigmas must be positive"):
+        dataclasses.replace(problem, sigmas=np.where(np.arange(30) == 2, np.nan, problem.sigmas))
 
 
 def test_noise_gives_chi2_as_expected_and_the_same_from_anywhere():

@@ -30,7 +30,7 @@ def nominal(problem, share=1.08):
 
 @pytest.mark.parametrize(("fixed", "stereo"), [(1, True), (2, False)])
 def test_a_camera_whose_focal_length_is_eight_percent_off_is_found(fixed, stereo):
-    scene = scenes.scene(8, 80, stereo=stereo)
+    scene = scenes.scene(6, 30, stereo=stereo)
     found = adjust_bundle(nominal(disturbed(scene, fixed)), iterations=60, refine_intrinsics=FOUR, tolerance=1e-14)
     np.testing.assert_allclose(found.camera.array, scenes.CAMERA.array, rtol=1e-6)
     np.testing.assert_allclose(found.T_camera_map, scene.poses, atol=1e-6)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from slamcli.cli import kernel_cache
+from slamcli.cli.atlas_options import atlas_options, atlas_words
 from slamcli.cli.camera_options import camera_options
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from slamcli.pipelines.map import MapOutcome
     from slamcli.recordings import Mends
 
-_CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "height"}
+_CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb"}
 """Options that say how files are written, with their defaults."""
 _KERNELS = {"orbslam3": ("vision", "up to a minute")}
 """Room whose kernels a system needs most, where it is not the usual one, and how long they take to compile."""
@@ -117,10 +118,10 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 )
 @click.option(
     "--cloud-colour",
-    type=click.Choice(["height", "intensity", "none"]),
+    type=click.Choice(["rgb", "height", "intensity", "none"]),
     default=_CHOICES["cloud_colour"],
     show_default=True,
-    help="By what its points are coloured.",
+    help="By what its points are coloured: what the cameras saw (height where none did), or one of the others.",
 )
 @click.option(
     "--truth",
@@ -128,6 +129,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     help="True trajectory (file, data-set folder, or BAG:/topic): its errors go into the report.",
 )
 @camera_options
+@atlas_options
 @seed_option
 @jobs_option
 @recording_options
@@ -150,6 +152,7 @@ def command(
     slamcli map run.db3 --scan-topic /front/scan --start 30 --duration 120
     slamcli map --algo cartographer second.mcap --load-state first/state.pbstream
     slamcli map --algo cartographer --load-state state.pbstream -o drawn
+    slamcli map --algo orbslam3 second.mcap --load-atlas first/atlas.npz --localise-only
 
     The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan), map.png, report.html and run.json;
     of graph-based systems also the graph, of 3D ones the points.
@@ -221,9 +224,10 @@ def _command_line(
     }  # fmt: skip
     for flag, topic in options["cameras"].named().items():
         words += [flag, topic]
+    words += atlas_words(options["atlas"])
     for key, value in options.items():
         if (
-            key in ("algo", "seed", "output", "save_state", "cameras")
+            key in ("algo", "seed", "output", "save_state", "cameras", "atlas")
             or value in (None, ())
             or value == _CHOICES.get(key)
         ):

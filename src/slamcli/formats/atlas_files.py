@@ -35,10 +35,11 @@ def write_atlas(atlas: VisualAtlas, target: str | os.PathLike[str]) -> None:
         "kind": np.array(f"{_KIND} {VERSION}"), "num_maps": np.array(len(atlas.maps)), "scales": atlas.scales,
         "camera": np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.baseline_m, *camera.limits]),
         "image_size": np.array([camera.width, camera.height]), "has_bounds": np.array(camera.bounds is not None),
-        "T_world_map": atlas.T_world_map,
     }  # fmt: skip
     for number, saved in enumerate(atlas.maps):
         columns |= {f"map{number}.{name}": saved.columns[name] for name in COLUMNS}
+        if saved.T_world_map is not None:
+            columns[f"map{number}.T_world_map"] = saved.T_world_map
     with atomic_file(target, "wb") as stream:
         np.savez_compressed(stream, allow_pickle=False, **columns)
 
@@ -90,8 +91,13 @@ def _atlas(columns: Any) -> VisualAtlas:
     return VisualAtlas(
         camera=Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, width=width, height=height, baseline_m=baseline_m, bounds=bounds),
         scales=columns["scales"],
-        T_world_map=columns["T_world_map"],
-        maps=tuple(
-            VisualMap(columns={name: columns[f"map{number}.{name}"] for name in COLUMNS}) for number in range(num_maps)
-        ),
+        maps=tuple(_map(columns, number) for number in range(num_maps)),
+    )
+
+
+def _map(columns: Any, number: int) -> VisualMap:
+    placed = f"map{number}.T_world_map"
+    return VisualMap(
+        columns={name: columns[f"map{number}.{name}"] for name in COLUMNS},
+        T_world_map=columns.get(placed),
     )

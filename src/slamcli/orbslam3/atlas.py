@@ -25,14 +25,14 @@ _OF_FEATURES = (
 )  # fmt: skip
 
 
-def visual_atlas(maps: Sequence[SparseMap], T_world_map: NDArray[np.float64]) -> VisualAtlas:
+def visual_atlas(maps: Sequence[SparseMap]) -> VisualAtlas:
     """Return what is saved of a session's maps, those with keyframes; there must be one map at least.
 
     Keyframes and points that were culled are left out, so numbers change; a point's reference or first keyframe that was culled
     becomes the first living keyframe that sees it.
     """
     return VisualAtlas(
-        camera=maps[0].camera, scales=maps[0].scales, T_world_map=T_world_map,
+        camera=maps[0].camera, scales=maps[0].scales,
         maps=tuple(_visual_map(sparse_map) for sparse_map in maps if len(sparse_map.living_keyframes)),
     )  # fmt: skip
 
@@ -81,12 +81,13 @@ def _visual_map(sparse_map: SparseMap) -> VisualMap:
     edges = np.array(sparse_map.loop_edges, dtype=np.int64).reshape(-1, 2)
     edges = _renumbered(edges, keyframe_number)
     columns["loop_edges"] = edges[(edges >= 0).all(axis=1)]
-    return VisualMap(columns=columns)
+    return VisualMap(columns=columns, T_world_map=sparse_map.T_world_map)
 
 
 def _sparse_map(saved: VisualMap, camera: Pinhole, scales: NDArray[np.float64]) -> SparseMap:
     columns = saved.columns
     sparse_map = SparseMap(camera, scales)
+    sparse_map.T_world_map = saved.T_world_map
     sparse_map.append_points({name: columns[name] for name in _OF_POINTS})
     ends = np.cumsum(columns["counts"])
     for k, (end, count) in enumerate(zip(ends.tolist(), columns["counts"].tolist(), strict=True)):

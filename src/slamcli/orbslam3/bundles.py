@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,20 +43,11 @@ def adjust(
 
     Those observations are taken out of the map, and points that are then seen by fewer than two keyframes.
     """
-    ids = sparse_map.points_of(free)
-    if len(ids) < 3:
+    part = part_of(sparse_map, free)
+    if part is None:
         return None
-    offsets, keyframes, features = sparse_map.observations(ids)
-    cameras = np.unique(keyframes)
-    fixed = ~np.isin(cameras, free)
-    if not fixed.any():
-        fixed[0] = True
-    points = np.repeat(np.arange(len(ids)), np.diff(offsets))
-    problem = BundleProblem(
-        T_camera_map=sparse_map.T_camera_map[cameras], fixed=fixed, points=sparse_map.positions[ids],
-        camera_index=np.searchsorted(cameras, keyframes), point_index=points, pixels=sparse_map.pixels[keyframes, features],
-        right=sparse_map.right[keyframes, features], sigmas=sparse_map.sigmas[keyframes, features], camera=sparse_map.camera,
-    )  # fmt: skip
+    problem, cameras, ids, points = part.problem, part.cameras, part.points, part.problem.point_index
+    fixed = problem.fixed
     first = solve(problem, cameras, rounds[0])
     kept = fits(first, problem)
     again = BundleProblem(
@@ -67,15 +59,48 @@ def adjust(
     last = fits(result, again)
     held = np.flatnonzero(kept)[last]
     _write(sparse_map, result, cameras[~fixed], np.flatnonzero(~fixed), ids)
-    out = np.ones(len(keyframes), dtype=np.bool_)
+    out = np.ones(len(points), dtype=np.bool_)
     out[held] = False
-    sparse_map.seen[keyframes[out], features[out]] = -1
+    sparse_map.seen[part.keyframes[out], part.features[out]] = -1
     # An observation with depth is worth two: it says where the point is.
     worth = np.bincount(points[held], weights=1.0 + np.isfinite(problem.right[held]), minlength=len(ids))
     lonely = ids[worth < 2]
     sparse_map.remove_points(lonely)
     sparse_map.refresh_points(ids[sparse_map.point_alive[ids]])
     return result
+
+
+class Part(NamedTuple):
+    """A part of a map as a problem, and what its rows are in the map."""
+
+    problem: BundleProblem
+    cameras: Ids
+    """(C,), keyframes."""
+    points: Ids
+    """(P,)."""
+    keyframes: Ids
+    """(M,), of each observation."""
+    features: Ids
+    """(M,), of the keyframe, of each observation."""
+
+
+def part_of(sparse_map: SparseMap, free: Ids) -> Part | None:
+    """Return keyframes `free` (sorted), the points they see, and the keyframes that hold these; None where they see next to nothing."""
+    ids = sparse_map.points_of(free)
+    if len(ids) < 3:
+        return None
+    offsets, keyframes, features = sparse_map.observations(ids)
+    cameras = np.unique(keyframes)
+    fixed = ~np.isin(cameras, free)
+    if not fixed.any():
+        fixed[0] = True
+    problem = BundleProblem(
+        T_camera_map=sparse_map.T_camera_map[cameras], fixed=fixed, points=sparse_map.positions[ids],
+        camera_index=np.searchsorted(cameras, keyframes), point_index=np.repeat(np.arange(len(ids)), np.diff(offsets)),
+        pixels=sparse_map.pixels[keyframes, features], right=sparse_map.right[keyframes, features],
+        sigmas=sparse_map.sigmas[keyframes, features], camera=sparse_map.camera,
+    )  # fmt: skip
+    return Part(problem, cameras, ids, keyframes, features)
 
 
 def fits(result: BundleResult, problem: BundleProblem) -> NDArray[np.bool_]:

@@ -75,6 +75,20 @@ def after_merge(frame: TrackedFrame, closure: Closure, newest: int) -> TrackedFr
     )
 
 
+def rescaled(frame: TrackedFrame, number: int, scale: float) -> TrackedFrame:
+    """Return a frame after the lengths of map `number` became `scale` times as long."""
+    if frame.map_number != number:
+        return frame
+    return replace(frame, T_frame_reference=scaled(frame.T_frame_reference, scale))
+
+
+def scaled(T: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """Return a pose with `scale` times the translation."""
+    out = T.copy()
+    out[:3, 3] *= scale
+    return out
+
+
 def final_pose(
     sparse_map: SparseMap, poses: NDArray[np.float64], frame: TrackedFrame, *, refine: bool
 ) -> NDArray[np.float64]:

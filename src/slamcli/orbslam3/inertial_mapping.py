@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ _GAP_S, _GAP_AT_FIRST_S, _GAP_AT_REST_S = 0.5, 0.25, 1.0
 """Time after which a keyframe is made anyway: with an aligned map, before that, and before that without motion."""
 _CULLED_GAP_S = 1.0
 """Keyframes are kept where culling would leave a longer time without one."""
+_KEPT_AT_FIRST = 40
+"""Up to so many keyframes none is culled before the map is aligned: the alignment needs them."""
 _LEAST_HELD = 15
 LONGEST_RECKONING_S = 5.0
 """Time for which the IMU alone carries a lost camera on (ORB-SLAM3: recently lost)."""
@@ -49,6 +52,52 @@ class InertialMapping:
     def gravity(self, sparse_map: SparseMap) -> Floats | None:
         """Return gravity float64 (3,), pointing down in a map; None if it is not known."""
         return self.of(sparse_map).gravity_map
+
+    def summary(self, sparse_map: SparseMap) -> dict[str, Any]:
+        """Return figures for ``run.json``."""
+        inertia, counts = self.of(sparse_map), self.imu.buffer.counts()
+        out: dict[str, Any] = {"imu_samples": counts.used}
+        wrong = {"repeated": counts.repeated, "late": counts.late, "not finite": counts.not_finite, "gaps": counts.gaps}
+        out |= {f"imu_samples_{name.replace(' ', '_')}": number for name, number in wrong.items() if number}
+        known = inertia.known(sparse_map)
+        if inertia.gravity_map is not None and len(known):
+            middle = np.median(inertia.biases(known), axis=0)
+            out["imu_gyroscope_bias_rad_s"] = [round(float(v), 6) for v in middle[:3]]
+            out["imu_accelerometer_bias_m_s2"] = [round(float(v), 5) for v in middle[3:]]
+        return out
+
+    def complaints(self, sparse_map: SparseMap) -> list[str]:
+        """Return what a user should know about the IMU of a map."""
+        inertia, counts = self.of(sparse_map), self.imu.buffer.counts()
+        out = []
+        if not counts.used:
+            out.append("no IMU sample could be used: the map is what the cameras see alone")
+        elif inertia.gravity_map is None:
+            rest = "" if self.imu.fixed_scale else ", and its metre is unknown"
+            out.append(f"the IMU was not used, {inertia.objection}: the map is what the cameras see alone{rest}")
+        lost = counts.repeated + counts.late + counts.not_finite
+        if lost:
+            out.append(
+                f"{lost} IMU samples were left out: {counts.repeated} repeated, {counts.late} late, {counts.not_finite} not finite"
+            )
+        if counts.gaps:
+            out.append(f"IMU samples are missing in {counts.gaps} places, for {counts.longest_gap_s:.2f} s at most")
+        return out
+
+    def up(self, sparse_map: SparseMap) -> Floats | None:
+        """Return the unit vector (3,) against gravity in a map; None if it is not known."""
+        gravity = self.gravity(sparse_map)
+        return None if gravity is None else -gravity / np.linalg.norm(gravity)
+
+    def join(self, old: SparseMap, newer: SparseMap, merged: SparseMap, offset: int) -> None:
+        """Keep what is known along two maps that became one: the older one's keyframes, and `offset` further the newer one's."""
+        joined = self.of(old).joined(self.of(newer), old, newer, merged, offset, fixed_scale=self.imu.fixed_scale)
+        self._of[id(merged)] = (merged, joined)
+
+    def begins_anew(self, frame: Frame, least: int) -> bool:
+        """Return whether a frame that matches nothing can be a keyframe of points from its depth alone."""
+        close = np.isfinite(frame.features.depth)
+        return bool(self.imu.fixed_scale and close.sum() >= least)
 
     def predicted(
         self, sparse_map: SparseMap, stamp_ns: int, *, longest_s: float = LONGEST_RECKONING_S
@@ -85,7 +134,7 @@ class InertialMapping:
         """Return whether keyframes around one are close enough in time for it to go."""
         stamps = np.sort(sparse_map.stamp_ns[sparse_map.living_keyframes])
         at = int(np.searchsorted(stamps, sparse_map.stamp_ns[keyframe]))
-        if at in {0, len(stamps) - 1}:
+        if at in {0, len(stamps) - 1} or (len(stamps) < _KEPT_AT_FIRST and not self.aligned(sparse_map)):
             return False
         return bool(stamps[at + 1] - stamps[at - 1] <= _CULLED_GAP_S * 1e9)
 
@@ -110,6 +159,7 @@ class InertialMapping:
         seconds = (int(sparse_map.stamp_ns[keyframe]) - inertia.began_ns) * 1e-9
         if inertia.adjusted < len(_ADJUSTED_S) and seconds >= _ADJUSTED_S[inertia.adjusted]:
             inertia.adjusted += 1
+            inertia.complete(sparse_map, sparse_map.living_keyframes, self.imu)
             adjust_all_inertially(sparse_map, inertia, self.imu, rounds=(5, 10))
         return 1.0
 
@@ -122,14 +172,17 @@ class InertialMapping:
                 return None
             scale = found
             self._counts["maps aligned with the IMU"] += 1
+        inertia.complete(sparse_map, sparse_map.living_keyframes, self.imu)
         adjust_all_inertially(sparse_map, inertia, self.imu)
         return scale
 
     def _begin_state(self, sparse_map: SparseMap, keyframe: int) -> None:
         """Give a new keyframe the velocity that its predecessor and the samples in between say, and its biases."""
         inertia = self.of(sparse_map)
+        living = sparse_map.living_keyframes
+        inertia.complete(sparse_map, living[living != keyframe], self.imu)
         known = inertia.known(sparse_map)
-        before = known[-1:]
+        before = known[sparse_map.stamp_ns[known] < sparse_map.stamp_ns[keyframe]][-1:]
         biases, gravity = inertia.biases(before), inertia.gravity
         begin, end = sparse_map.stamp_ns[before[0]], sparse_map.stamp_ns[keyframe]
         motion = preintegrate(

@@ -37,7 +37,8 @@ def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu) -> float | N
     seconds = float(sparse_map.stamp_ns[chosen[-1]] - sparse_map.stamp_ns[chosen[0]]) * 1e-9
     least_s = _LEAST_S_WITH_DEPTH if imu.fixed_scale else _LEAST_S
     if len(chosen) < _LEAST_KEYFRAMES or seconds < least_s:
-        inertia.objection = f"{len(chosen)} keyframes within {seconds:.1f} s are too few"
+        needed = f"{_LEAST_KEYFRAMES} keyframes within at least {least_s:.0f} s are needed"
+        inertia.objection = f"not enough motion: {needed}, there are {len(chosen)} within {seconds:.1f} s"
         return None
     try:
         found = align_inertial(

@@ -46,7 +46,7 @@ class MapInertia:
         """Stamp of the keyframe with which it was aligned."""
         self.adjusted = 0
         """How often the whole map was adjusted since."""
-        self.objection = "too few keyframes"
+        self.objection = "not enough motion: there are too few keyframes"
         """Why it is not aligned yet."""
         self.version = 0
         """`SparseMap.version` that the velocities belong to."""
@@ -81,6 +81,10 @@ class MapInertia:
         """Return float64 (N, 6), gyroscope and accelerometer."""
         return self._values[keyframes, 3:].copy()
 
+    def columns(self, keyframes: Ids) -> tuple[Floats, Floats]:
+        """Return velocities with biases (N, 9), and rotations T_camera_map[:3, :3] (N, 3, 3) that the velocities belong to."""
+        return self._values[keyframes], self._turns[keyframes]
+
     def set(self, sparse_map: SparseMap, keyframes: Ids, velocities: Floats, biases: Floats) -> None:
         """Write what is known about keyframes (N,)."""
         self._grow(sparse_map.num_keyframes)
@@ -97,6 +101,44 @@ class MapInertia:
         turns = sparse_map.T_camera_map[known, :3, :3].transpose(0, 2, 1) @ self._turns[known]
         self._values[known, :3] = np.einsum("kij,kj->ki", turns, self._values[known, :3])
         self._turns[known] = sparse_map.T_camera_map[known, :3, :3]
+
+    def complete(self, sparse_map: SparseMap, keyframes: Ids, imu: Imu) -> None:
+        """Give `keyframes` that have none the velocities of their positions, and the biases of the nearest one in time."""
+        known = self.known(sparse_map)
+        fresh = np.setdiff1d(keyframes, known)
+        if not len(fresh) or not len(known):
+            return
+        order = keyframes[np.argsort(sparse_map.stamp_ns[keyframes], kind="stable")]
+        T, stamps = sparse_map.T_camera_map[order], sparse_map.stamp_ns[order]
+        places = np.einsum("kji,kj->ki", T[:, :3, :3], imu.T_camera_imu[:3, 3] - T[:, :3, 3])
+        speeds = np.gradient(places, stamps * 1e-9, axis=0) if len(order) > 1 else np.zeros((1, 3))
+        nearest = np.abs(sparse_map.stamp_ns[fresh][:, None] - sparse_map.stamp_ns[known]).argmin(axis=1)
+        at = np.array([int(np.flatnonzero(order == k)[0]) for k in fresh.tolist()])
+        self.set(sparse_map, fresh, speeds[at], self.biases(known[nearest]))
+
+    def joined(
+        self, newer: MapInertia, old_map: SparseMap, newer_map: SparseMap, merged: SparseMap, offset: int, *,
+        fixed_scale: bool,
+    ) -> MapInertia:  # fmt: skip
+        """Return what is known along the map that two became: keyframes of this one first, then, from `offset` on, the newer's.
+
+        A map whose metre was unknown gives its scale to the whole: then nothing is known until that is aligned again.
+        """
+        out = MapInertia()
+        out.version = -1  # velocities turn along with the keyframes when they are next asked for
+        out._grow(merged.num_keyframes)
+        if self.gravity_map is None and not (fixed_scale and newer.gravity_map is not None):
+            return out
+        for part, begin, source in ((self, 0, old_map), (newer, offset, newer_map)):
+            known = part.known(source)
+            out._known[known + begin] = True
+            out._values[known + begin], out._turns[known + begin] = part.columns(known)
+        out.gravity_map, out.began_ns, out.adjusted = self.gravity_map, self.began_ns, self.adjusted
+        if self.gravity_map is None:
+            k = int(newer.known(newer_map)[0])
+            turn = merged.T_camera_map[k + offset, :3, :3].T @ newer_map.T_camera_map[k, :3, :3]
+            out.gravity_map, out.began_ns, out.adjusted = turn @ newer.gravity, newer.began_ns, newer.adjusted
+        return out
 
     def _grow(self, count: int) -> None:
         more = count - len(self._known)

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 
 from slamcli.errors import CalibrationError, UsageError
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import CameraRig, Image, ImuSample, Measurement, RgbdFrame, StereoPair
+from slamcli.orbslam3.atlas import sparse_maps
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.inertial_state import Imu
@@ -33,7 +35,12 @@ class OrbSlam3Mapper:
         self._session = Session(
             self._maker.camera,
             self._maker.scales,
-            session_settings(parameters, setup.rig, self._maker.camera, setup.seed),
+            replace(
+                session_settings(parameters, setup.rig, self._maker.camera, setup.seed),
+                localise_only=setup.localise_only,
+            ),
+            vocabulary=setup.vocabulary,
+            given=() if setup.atlas is None else sparse_maps(setup.atlas, self._maker.camera, self._maker.scales),
             imu=self._imu,
         )
         self._workers = ThreadPoolExecutor(1) if setup.jobs > 1 else None

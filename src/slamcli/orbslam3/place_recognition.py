@@ -61,6 +61,10 @@ class PlaceRecognition:
         self._index, self._settings, self._counts = index, settings, counts
         self._pending: dict[str, _Pending] = {}
 
+    def use(self, settings: PlaceSettings) -> None:
+        """Go on with other settings."""
+        self._settings = settings
+
     def forget(self) -> None:
         """Drop what waits for more keyframes: the maps were changed."""
         self._pending.clear()

@@ -6,6 +6,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.loop_closing import Closure, LoopClosing
 from slamcli.orbslam3.place_index import Place, PlaceIndex
@@ -14,6 +17,9 @@ from slamcli.orbslam3.relocalisation import Relocalisation, RelocalisationSettin
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.vision.bag_of_words import BagOfWords, bag_of_words
 from slamcli.vision.vocabulary import Vocabulary
+
+_BESIDE = 3
+"""Neighbours of a candidate that are candidates too."""
 
 
 class Places:
@@ -30,16 +36,18 @@ class Places:
         """Return the words of a frame; None without a vocabulary."""
         return None if self._vocabulary is None else bag_of_words(self._vocabulary, frame.features.descriptors)
 
-    def insert(self, maps: list[SparseMap], keyframe: int) -> Closure | None:
+    def insert(
+        self, maps: list[SparseMap], keyframe: int, up: list[NDArray[np.float64] | None] | None = None
+    ) -> Closure | None:
         """Learn the newest keyframe of the newest map; correct the maps if its place is known (see `LoopClosing.insert`)."""
         if self._closing is None:
             self._index.add(maps, Place(len(maps) - 1, keyframe))
             return None
-        return self._closing.insert(maps, keyframe)
+        return self._closing.insert(maps, keyframe, up=up)
 
-    def finish(self, maps: list[SparseMap]) -> Closure | None:
+    def finish(self, maps: list[SparseMap], up: list[NDArray[np.float64] | None] | None = None) -> Closure | None:
         """Correct the maps by what still waits for more keyframes, though no more will come."""
-        return None if self._closing is None else self._closing.finish(maps)
+        return None if self._closing is None else self._closing.finish(maps, up=up)
 
     def join(self, maps: list[SparseMap]) -> Closure | None:
         """Join the newest map with another if any of its keyframes shows a place of that one; all keyframes are known already."""
@@ -52,6 +60,11 @@ class Places:
                 descriptors = maps[number].features(keyframe).descriptors
                 maps[number].words[keyframe] = bag_of_words(self._vocabulary, descriptors)
             self._index.add(maps, Place(number, keyframe))
+
+    def settle_scale(self) -> None:
+        """From now on maps are in metres: places that ask for another scale are refused."""
+        if self._closing is not None:
+            self._closing.settle_scale()
 
     def forget(self) -> None:
         """Begin another map."""
@@ -70,10 +83,17 @@ class Places:
         sparse_map = maps[number]
         if not len(sparse_map.living_keyframes):
             return Relocalisation(found=False, reason="the map is empty")
-        named = self._index.resembling(maps, number, self.words(frame), self._lost.num_candidates)
+        resembling = self._index.resembling(maps, number, self.words(frame), self._lost.num_candidates)
+        named = _with_neighbours(sparse_map, resembling)
         found = relocalise(sparse_map, frame, named, self._lost)
         if thorough and not found.found:
             others = [keyframe for keyframe in alike(sparse_map, frame, self._lost) if keyframe not in named]
             again = relocalise(sparse_map, frame, others, self._lost)
             found = again if again.found or not named else found
         return found
+
+
+def _with_neighbours(sparse_map: SparseMap, keyframes: list[int]) -> list[int]:
+    """Return keyframes and then, of each, those that share most points with it."""
+    beside = [sparse_map.covisible(keyframe)[0][:_BESIDE].tolist() for keyframe in keyframes]
+    return list(dict.fromkeys([*keyframes, *(k for neighbours in beside for k in neighbours)]))

@@ -5,30 +5,29 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.geometry import se3
 from slamcli.orbslam3.bundles import adjust_all
+from slamcli.orbslam3.disparity_offset import DisparityOffset, apply_offset, find_disparity_offset, with_offset
 from slamcli.orbslam3.frame import Frame
-from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, tracked_frame
+from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, rescaled, scaled, tracked_frame
 from slamcli.orbslam3.inertial_mapping import InertialMapping
 from slamcli.orbslam3.inertial_state import Imu
 from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
-from slamcli.orbslam3.keyframe_rules import KeyframeSettings, needs_keyframe
-from slamcli.orbslam3.local_mapping import LocalMapping, MappingSettings
+from slamcli.orbslam3.keyframe_rules import needs_keyframe
+from slamcli.orbslam3.local_mapping import LocalMapping
 from slamcli.orbslam3.loop_closing import Closure
-from slamcli.orbslam3.place_settings import PlaceSettings
+from slamcli.orbslam3.motion import part_of
 from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
-from slamcli.orbslam3.relocalisation import RelocalisationSettings
 from slamcli.orbslam3.second_look import second_look
+from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.orbslam3.tracking import (
     LocalTrack,
-    TrackingSettings,
     count_sightings,
     track_keyframe,
     track_local_map,
@@ -42,33 +41,14 @@ _LEAST_HELD = 30
 """Points of the local map that must hold for a frame to count as tracked."""
 _SURELY_HELD = 100
 """With fewer, keyframes are tried besides the motion model, and what holds most points wins: batch work has the time."""
+_LEAST_SHARE = 0.07
+"""Of the points that should be seen at the pose of a frame that was lost, as many must be: about a quarter of the share at which points are culled."""
 _LEAST_WAITING = 5
 """Frames that are looked for in the map before another is begun."""
 _THOROUGH_EVERY = 5
 """Every fifth of them by descriptors too, which takes long on large maps."""
 _MOST_UNTRACKED = 500
 _NOTHING = LocalTrack(held=0, visible=np.empty(0, dtype=np.int64))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SessionSettings:
-    """What the parts of a session are built with."""
-
-    tracking: TrackingSettings
-    keyframes: KeyframeSettings
-    mapping: MappingSettings
-    close_m: float
-    farthest_m: float
-    least_start: int = 500
-    """Features that the first keyframe of a camera with depth needs."""
-    seed: int = 0
-    places: PlaceSettings | None = None
-    """How places are recognised; None: loops are not closed, maps not joined."""
-    lost: RelocalisationSettings = field(default_factory=RelocalisationSettings)
-    patience_ns: int = 2_000_000_000
-    """So long, and for five frames at least, a lost frame is looked for in the map; then another map is begun where the track was lost."""
-    localise_only: bool = False
-    """Whether the maps that were given stay as they are."""
 
 
 class Session:
@@ -100,6 +80,8 @@ class Session:
         self.untracked: dict[int, Frame] = {}
         """Frames that have no pose, by number; the last 500."""
         self.num_frames = 0
+        self.disparity_offsets: dict[int, DisparityOffset] = {}
+        """What was found to be wrong of all disparities, by map."""
         self.steps: dict[int, tuple[int, int, int]] = {}
         """Per frame, by number: points that hold, keyframes alive, points alive."""
         self._waiting: list[Frame] = []
@@ -125,9 +107,11 @@ class Session:
         self.num_frames += 1
         self._take(frame)
 
-    def _take(self, frame: Frame) -> None:
+    def _take(self, frame: Frame, *, again: bool = False) -> None:
+        """`again`: the frame was looked for in the maps before."""
         last = self._last
-        held = self._begin(frame) if last is None else self._track(last, frame) or self._look_for(frame)
+        held = self._begin(frame, again=again) if last is None else self._track(last, frame) or self._look_for(frame)
+        held = held or self._reckon(frame)
         self.steps[frame.number] = (held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum()))
         if held:
             self._keep(frame)
@@ -136,6 +120,8 @@ class Session:
 
     def _lose(self, frame: Frame) -> None:
         """Keep a frame without a pose; begin another map when the track has been lost for too long."""
+        if self.tracked and self.tracked[-1].number == frame.number:  # the IMU gave it one
+            return
         self.untracked[frame.number] = frame
         while len(self.untracked) > _MOST_UNTRACKED:
             del self.untracked[min(self.untracked)]
@@ -150,7 +136,25 @@ class Session:
             self._new_map()
             for other in waiting:
                 other.points[:] = -1
-                self._take(other)
+                self._take(other, again=True)
+
+    def _reckon(self, frame: Frame) -> int:
+        """Give a lost frame the pose that the IMU says; return how many points it shows if it could begin anew there."""
+        if (
+            self.inertial is None
+            or self._last is None
+            or (T := self.inertial.predicted(self.map, frame.stamp_ns)) is None
+        ):
+            return 0
+        frame.T_camera_map, frame.reference = T, int(self.map.living_keyframes[-1])
+        frame.points[:] = -1
+        if self.settings.reckons_keyframes and self.inertial.begins_anew(frame, self.settings.least_start):
+            self._add_keyframe(frame)
+            self.counts["keyframes where the IMU alone told the pose"] += 1
+        else:
+            self.tracked.append(tracked_frame(self.map, len(self.maps) - 1, frame))
+        self.counts["frames posed by the IMU alone"] += 1
+        return frame.num_points
 
     def _look_for(self, frame: Frame) -> int:
         """Find a lost frame in the map, or now and then in the others; return how many points hold, 0 if it is nowhere."""
@@ -167,7 +171,7 @@ class Session:
         kept = (frame.T_camera_map, frame.points, frame.reference)
         frame.T_camera_map, frame.points = found.T_camera_map, found.points.copy()
         track = track_local_map(self.maps[number], frame, self.settings.tracking)
-        if track.held < _LEAST_HELD:
+        if track.held < max(_LEAST_HELD, _LEAST_SHARE * len(track.visible)):
             frame.T_camera_map, frame.points, frame.reference = kept
             return 0
         self._activate(number)
@@ -198,9 +202,9 @@ class Session:
     def _words(self, frame: Frame) -> BagOfWords | None:
         return self._places.words(frame)
 
-    def _begin(self, frame: Frame) -> int:
+    def _begin(self, frame: Frame, *, again: bool) -> int:
         """Find the frame in another map, or start the map with it if that can be; return how many points it sees."""
-        if not self.tracked and (held := self._look_for(frame)):  # after a loss the maps were asked already
+        if not again and (held := self._look_for(frame)):
             return held
         if self.settings.localise_only:
             return 0
@@ -226,9 +230,11 @@ class Session:
         if best.held < _LEAST_HELD:
             self.counts["frames lost"] += 1
             return 0
-        count_sightings(self.map, frame, best.visible)
         self._set_velocity(last, frame)
-        if not self.settings.localise_only and self._wants_keyframe(frame, best.held):
+        if self.settings.localise_only:
+            return best.held
+        count_sightings(self.map, frame, best.visible)
+        if self._wants_keyframe(frame, best.held):
             self._add_keyframe(frame)
         return best.held
 
@@ -265,7 +271,7 @@ class Session:
         if self._velocity is None:
             return None
         share = (frame.stamp_ns - last.stamp_ns) / self._velocity_ns
-        return _part_of(self._velocity, share) @ last.T_camera_map
+        return part_of(self._velocity, share) @ last.T_camera_map
 
     def _wants_keyframe(self, frame: Frame, held: int) -> bool:
         if needs_keyframe(self.map, frame, self._last_keyframe, held, self.settings.keyframes):
@@ -297,14 +303,15 @@ class Session:
 
     def _recognise(self, keyframe: int) -> int:
         """Close the loop or join the maps if the keyframe shows a known place; return its number then."""
-        closure = self._places.insert(self.maps, keyframe)
+        maps = list(self.maps)
+        closure = self._places.insert(self.maps, keyframe, self._up())
         if closure is None:
             return keyframe
-        self._follow(closure)
+        self._follow(closure, maps)
         return keyframe + closure.keyframe_offset
 
-    def _follow(self, closure: Closure) -> None:
-        """Keep up with a correction of the maps."""
+    def _follow(self, closure: Closure, before: list[SparseMap]) -> None:
+        """Keep up with a correction of the maps, which were those `before`."""
         self.closures.append(closure)
         if self._velocity is not None:
             self._velocity = self._velocity.copy()
@@ -312,21 +319,23 @@ class Session:
         if closure.merged_map >= 0:
             newest = len(self.maps) - 1
             self.tracked = [after_merge(frame, closure, newest) for frame in self.tracked]
+            if self.inertial is not None:
+                joined = before[closure.merged_map], before[newest]
+                self.inertial.join(*joined, self.map, closure.keyframe_offset)
             self._mapping.forget()
 
     def _rescale(self, number: int, scale: float) -> None:
         """Keep up with a map whose lengths became `scale` times as long."""
         if scale == 1.0:
             return
-        self.tracked = [
-            replace(frame, T_frame_reference=_scaled(frame.T_frame_reference, scale))
-            if frame.map_number == number
-            else frame
-            for frame in self.tracked
-        ]
+        self.tracked = [rescaled(frame, number, scale) for frame in self.tracked]
+        self._places.settle_scale()
         if number == len(self.maps) - 1:
-            self._beside_reference = _scaled(self._beside_reference, scale)
-            self._velocity = None if self._velocity is None else _scaled(self._velocity, scale)
+            self._beside_reference = scaled(self._beside_reference, scale)
+            self._velocity = None if self._velocity is None else scaled(self._velocity, scale)
+
+    def _up(self) -> list[NDArray[np.float64] | None] | None:
+        return None if self.inertial is None else [self.inertial.up(sparse_map) for sparse_map in self.maps]
 
     def _keep(self, frame: Frame) -> None:
         self.untracked.pop(frame.number, None)
@@ -349,33 +358,29 @@ class Session:
             del self.untracked[one.number]
         self.tracked = sorted([*self.tracked, *found], key=lambda one: one.number)
 
+    def _mend_disparities(self, number: int) -> None:
+        """Take an error that all disparities of a map share out of it."""
+        found = find_disparity_offset(self.maps[number])
+        if found is not None:
+            apply_offset(self.maps[number], found.offset_px)
+            self.tracked = [with_offset(f, found.offset_px) if f.map_number == number else f for f in self.tracked]
+            self.disparity_offsets[number] = found
+
     def _settle(self) -> None:
-        if (closure := self._places.finish(self.maps)) is not None:
-            self._follow(closure)
+        maps = list(self.maps)
+        if (closure := self._places.finish(self.maps, self._up())) is not None:
+            self._follow(closure, maps)
         for number in range(len(self.maps) - 1):
             self._activate(number)  # each map once the newest
+            maps = list(self.maps)
             if (closure := self._places.join(self.maps)) is not None:
-                self._follow(closure)
+                self._follow(closure, maps)
         for number, sparse_map in enumerate(self.maps):
             if len(sparse_map.living_keyframes) > 1:
+                if self.settings.mend_disparities:
+                    self._mend_disparities(number)
                 scale = self.inertial.finish(sparse_map) if self.inertial is not None else None
                 if scale is None:
                     adjust_all(sparse_map)
                 else:
                     self._rescale(number, scale)
-
-
-def _scaled(T: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
-    """Return a pose with `scale` times the translation."""
-    out = T.copy()
-    out[:3, 3] *= scale
-    return out
-
-
-def _part_of(T: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """Return a share (also more than one) of a small motion."""
-    shift, quat_xyzw = se3.to_position_quaternion(T)
-    angle = 2.0 * np.arctan2(np.linalg.norm(quat_xyzw[:3]), quat_xyzw[3])
-    axis = quat_xyzw[:3] / max(float(np.linalg.norm(quat_xyzw[:3])), 1e-12)
-    turned = np.concatenate([axis * np.sin(0.5 * share * angle), [np.cos(0.5 * share * angle)]])
-    return se3.from_position_quaternion(share * shift, turned)

@@ -11,7 +11,7 @@ from slamcli.orbslam3.keyframe_rules import KeyframeSettings
 from slamcli.orbslam3.local_mapping import MappingSettings
 from slamcli.orbslam3.parameters import OrbSlam3Parameters
 from slamcli.orbslam3.place_settings import PlaceSettings
-from slamcli.orbslam3.session import SessionSettings
+from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.orb import OrbSettings
 from slamcli.vision.pinhole import Pinhole
@@ -61,5 +61,7 @@ def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pin
         farthest_m=farthest_m,
         least_start=min(500, parameters.extractor.num_features // 4),
         seed=seed,
+        mend_disparities=rig.mode == "stereo" and parameters.slamcli.mend_disparities,
+        reckons_keyframes=parameters.device.imu.insert_keyframes_when_lost,
         places=PlaceSettings(fix_scale=not mono, seed=seed) if parameters.loop_closing else None,
     )

@@ -39,6 +39,8 @@ class SparseMap:
         self.counts: list[int] = []
         """Number of features of each keyframe."""
         self.loop_edges: list[tuple[int, int]] = []
+        self.T_world_map: NDArray[np.float64] | None = None
+        """float64 (4, 4), where the map lies in the frame of results (z up), once that is known."""
         self.version = 0
         """Goes up whenever poses or points are moved by more than local mapping does (loop, merge)."""
         self._columns = {

@@ -23,7 +23,7 @@ class Upright(NamedTuple):
     floor_m: float | None
     """z of the floor; None where none was found."""
     source: str
-    """What told it: base, gravity, floor or cameras."""
+    """What told it: atlas, base, gravity, floor or cameras."""
 
 
 def upright(
@@ -33,6 +33,7 @@ def upright(
     T_base_camera: NDArray[np.float64] | None,
     gravity: NDArray[np.float64] | None,
     seed: int,
+    known: NDArray[np.float64] | None = None,
 ) -> Upright:
     """Return a frame whose z is up and whose x is where the first camera looks, or the base frame at the start.
 
@@ -48,7 +49,11 @@ def upright(
         float64 (3,), where things fall, in the frame of the first camera, where an IMU told; else None.
     seed
         Of the search for the floor.
+    known
+        float64 (4, 4), pose of the map's frame where it is known from an earlier run, whose results it must fit.
     """
+    if known is not None:
+        return Upright(known, _height(points, known, seed), "atlas")
     if T_base_camera is not None:
         floor = _height(points, T_base_camera, seed)
         return Upright(T_base_camera, 0.0 if floor is None else floor, "base")

@@ -24,6 +24,7 @@ from slamcli.pipelines.range_input import SensorFeed, feed_sensors
 from slamcli.pipelines.run_record import describe_inputs, run_document
 from slamcli.pipelines.saved_state import check_dimensions, load_states, result_of
 from slamcli.pipelines.trajectories import load_trajectory
+from slamcli.pipelines.visual_places import AtlasChoices
 from slamcli.posegraph import MapState
 from slamcli.recordings import Mends, Recording, open_recording
 from slamcli.recordings.camera_topics import CameraNames
@@ -74,13 +75,15 @@ class MapRequest:
     """Saved states that must not change: to localise in."""
     save_state: Path | None = None
     """Where else the state goes; it always lies in the folder, as ``state.pbstream``."""
+    atlas: AtlasChoices = field(default_factory=AtlasChoices)
+    """Maps to go on from and words to know places by, for tiers that see."""
     command: str = ""
     """The command line that asks for this, for ``run.json``."""
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Everything that is read: the recording and the states."""
-        return (*self.inputs, *self.load_states, *self.load_frozen_states)
+        """Everything that is read: the recording, the states, the atlas."""
+        return (*self.inputs, *self.load_states, *self.load_frozen_states, *self.atlas.files)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,11 +108,12 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     if not request.files:
         raise UsageError("nothing to map: name a recording, or a state with --load-state")
     for option, value in (
-        ("--load-state", request.files != tuple(request.inputs)),
+        ("--load-state", [*request.load_states, *request.load_frozen_states]),
         ("--save-state", request.save_state),
     ):
         if value:
             find_resuming_tier(request.algo, option)
+    request.atlas.check(find_tier(request.algo))
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
     output = request.output or default_output(request.files)
     check_directory(output)
@@ -138,6 +142,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         document = write_records(folder, document, result, written, score=score, declared=declared)
     if request.save_state is not None and result.state is not None:
         write_state(request.save_state, result.state)
+    request.atlas.write_atlas(result)
     return MapOutcome(output=output, result=result, run=document)
 
 
@@ -269,6 +274,11 @@ def _setup(request: MapRequest, feed: SensorFeed | CameraFeed, state: MapState |
         seed=request.seed,
         jobs=request.jobs,
         state=state,
+        atlas=request.atlas.read_atlas(log),
+        localise_only=request.atlas.localise_only,
+        vocabulary=request.atlas.find_vocabulary(feed.plan.parameters, request.inputs, feed.main, log)
+        if isinstance(feed, CameraFeed)
+        else None,
         no_return=request.mends.no_return,
         log=log,
     )

@@ -55,8 +55,9 @@ class BundleProblem:
             if count and (index.min() < 0 or index.max() >= size):
                 wrong = int(np.flatnonzero((index < 0) | (index >= size))[0])
                 raise DataError(f"bundle adjustment: {name}[{wrong}] is {index[wrong]}, but there are {size}")
-        for name in ("T_camera_map", "points", "pixels"):
-            if not np.isfinite(getattr(self, name)).all():
+        for name in ("T_camera_map", "points", "pixels", "right"):
+            values = getattr(self, name)
+            if not np.isfinite(values if name != "right" else values[~np.isnan(values)]).all():
                 raise DataError(f"bundle adjustment: {name} has numbers that are not finite")
         if count and not self.sigmas.min() > 0:
             raise DataError(f"bundle adjustment: sigmas must be positive, the least is {self.sigmas.min()}")

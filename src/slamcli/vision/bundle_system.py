@@ -61,7 +61,7 @@ class BundleSystem:
         `held` bool (P,): points that stay; `refined` bool (5,): intrinsics that do not. Those follow the cameras as one
         more row of all that has F rows.
         """
-        self._pool, self._held = pool, held
+        self._pool, self._held = pool, np.ascontiguousarray(held, np.bool_)
         self._wanted = np.append(np.zeros(5, np.bool_) if refined is None else refined, False).astype(np.float64)
         self._calibrate = bool(self._wanted.any())
         free = np.flatnonzero(~problem.fixed)
@@ -109,7 +109,7 @@ class BundleSystem:
             kernels.build(
                 self._ranges[r], self._ranges[r + 1], self._starts, self._free_ends, self._cameras, self._ranks,
                 self.system.slots, self._measured, self._weights, state.poses, state.points, self._held,
-                state.camera, self._wanted, robust, damping, self._couplings, self._shared, self._factors, self._costs, self._hessians[r], self._gradients[r],
+                state.camera, self._wanted, bool(robust), float(damping), self._couplings, self._shared, self._factors, self._costs, self._hessians[r], self._gradients[r],
                 self._blocks[r], self._reduced[r],
             )  # fmt: skip
 
@@ -159,7 +159,7 @@ class BundleSystem:
         def part(r: int) -> None:
             totals[r] = kernels.move_points(
                 self._ranges[r], self._ranges[r + 1], self._starts, self._free_ends, self._cameras, self._ranks,
-                self._measured, self._weights, state.poses, state.points, state.camera, self._calibrate, robust,
+                self._measured, self._weights, state.poses, state.points, state.camera, self._calibrate, bool(robust),
                 self._couplings, self._shared, self._factors, self._costs, steps, moved,
             )  # fmt: skip
 

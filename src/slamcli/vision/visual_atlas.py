@@ -41,8 +41,13 @@ class VisualMap:
 
     columns: Mapping[str, NDArray[Any]]
     """Those of `COLUMNS`."""
+    T_world_map: NDArray[np.float64] | None = None
+    """float64 (4, 4), from the map's frame to the one in which results are given (z up); None: not known."""
 
     def __post_init__(self) -> None:
+        T = self.T_world_map
+        if T is not None and (T.shape != (4, 4) or not np.isfinite(T).all()):
+            raise DataError("visual map: its pose in the world is no transform")
         _check_shapes(self.columns)
         _check_values(self.columns)
 
@@ -64,8 +69,6 @@ class VisualAtlas:
     camera: Pinhole
     scales: NDArray[np.float64]
     """(L,), scale of each level of the image pyramid, 1 first."""
-    T_world_map: NDArray[np.float64]
-    """float64 (4, 4), from the frame of every map to the frame in which results are given (z up)."""
     maps: tuple[VisualMap, ...]
 
     def __post_init__(self) -> None:
@@ -74,8 +77,6 @@ class VisualAtlas:
             raise DataError("atlas: the scales of the image pyramid do not begin with 1 and grow")
         if not np.isfinite(self.camera.array).all() or self.camera.fx <= 0 or self.camera.fy <= 0:
             raise DataError("atlas: the camera has no focal length")
-        if self.T_world_map.shape != (4, 4) or not np.isfinite(self.T_world_map).all():
-            raise DataError("atlas: the pose of the maps in the world is no transform")
 
 
 def _check_shapes(columns: Mapping[str, NDArray[Any]]) -> None:

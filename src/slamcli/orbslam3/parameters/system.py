@@ -73,11 +73,16 @@ class SlamcliParameters:
     """``slamcli``: what slamcli has and the original has not."""
 
     vocabulary: str = parameter(
-        "auto", "words for place recognition: a vocabulary file (DBoW2 text, .tar.gz, DBoW3 .yml.gz, slamcli's own), or auto, slamcli's own",
+        "auto", "words for place recognition: a vocabulary file (DBoW2 text, .tar.gz, DBoW3 .yml.gz, slamcli's own), auto, slamcli's own, or recording, learnt from it beforehand",
         extension=True,
     )  # fmt: skip
     final_bundle_adjustment: bool = parameter(
         True, "adjust all keyframes and points together at the end", extension=True
+    )
+    mend_disparities: bool = parameter(
+        True,
+        "take an error that all disparities share (calibration of a stereo camera) out of the map at the end",
+        extension=True,
     )
     equalise: bool = parameter(False, "equalise local contrast (CLAHE) before key points are found", extension=True)
     virtual_baseline: float = parameter(

@@ -75,8 +75,8 @@ def _camera(root: Path, size: tuple[int, int], reading: Reading) -> CameraModel:
         except (OSError, ValueError):
             pass
         reading.damage.add(f"{path}: no 3 x 3 matrix of a camera; the data set's nominal one is taken instead")
-    reading.log.note(
-        "calibration: the nominal one of 7-Scenes is taken (fx = fy = 585, cx 320, cy 240); --camera-info gives another"
+    reading.remark(
+        "calibration: the nominal one of 7-Scenes is taken (fx = fy = 585, cx 320, cy 240); --camera-info (map: --camera) gives another"
     )
     return pinhole(FRAME, size, _NOMINAL)
 
@@ -113,7 +113,7 @@ def _pose(path: Path) -> NDArray[np.float64] | None:
     if values.size != 16 or not np.isfinite(values).all():
         return None
     pose = values.reshape(4, 4)
-    rotation = pose[:3, :3]
+    rotation = np.clip(pose[:3, :3], -10.0, 10.0)  # whose squares do not overflow
     is_rotation = np.abs(rotation @ rotation.T - np.eye(3)).max() < _ORTHOGONAL and np.linalg.det(rotation) > 0
     return pose if is_rotation else None
 
