@@ -14,6 +14,7 @@ from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import CameraRig, Measurement, PointCloud
 from slamcli.posegraph import LoopSearch, MapState
+from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 from slamcli.vision.visual_atlas import VisualAtlas
@@ -39,6 +40,8 @@ class MappingResult:
     """Searches for loop closures that found a candidate, accepted or not, in the order in which they were made."""
     cloud: PointCloud | None = None
     """The mapped points in the map frame (3D)."""
+    keyframe_graph: KeyframeGraph | None = None
+    """What ties the `keyframes` of a tier that sees, in their order."""
     atlas: VisualAtlas | None = None
     """All maps of a tier that sees, from which mapping can go on."""
 

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from loop_world import SCALES, World, position_error, true_pose
 
+from slamcli.geometry import se3
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_track import TrackedFrame, after_merge
+from slamcli.orbslam3.keyframe_edges import keyframe_graph
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings
 from slamcli.orbslam3.local_mapping import MappingSettings
 from slamcli.orbslam3.loop_closing import Closure
@@ -63,6 +65,10 @@ def test_a_round_is_closed(stereo):
     assert session.closures[0].other_stamp_ns < 10 * 33_000_000
     assert session.closures[0].num_matches >= 80
     assert len(session.tracked) >= 133
+    graph = keyframe_graph(session.map, se3.inverse(session.map.poses_of_all()[session.map.living_keyframes]))
+    assert len(graph.of_kind("loop")) == 1
+    assert len(graph.of_kind("tree", "loop")) == len(graph.stamps_ns)  # a tree, and one edge that closes it
+    assert graph.shared[graph.of_kind("covisible")].min() >= 15
     assert before > 0.07
     assert after < 0.6 * before
     again, _ = go_round(world, settings(stereo))

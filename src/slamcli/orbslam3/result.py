@@ -17,8 +17,10 @@ from slamcli.orbslam3.depth_seen import DepthSeen
 from slamcli.orbslam3.disparity_offset import DisparityOffset
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
+from slamcli.orbslam3.keyframe_edges import keyframe_graph
 from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.statistics import step_columns, tell_gaps, untracked_share
 from slamcli.orbslam3.upright import Upright, upright
 from slamcli.trajectory import Trajectory
 
@@ -50,12 +52,15 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     T_map_base = T_map_start @ se3.inverse(T_camera) @ se3.inverse(T_base_camera)
     living = sparse_map.living_keyframes
     alive = np.flatnonzero(sparse_map.point_alive)
+    T_keyframes = T_map_start @ se3.inverse(poses[living]) @ se3.inverse(T_base_camera)
+    steps = step_columns(stamps_ns, [frame.number for frame in tracked], session.steps)
+    tell_gaps(steps, len(session.tracked) - len(tracked), setup.log)
     points = sparse_map.positions[alive] @ T_map_start[:3, :3].T + T_map_start[:3, 3]
     return MappingResult(
         trajectory=_trajectory(np.array([stamps_ns[frame.number] for frame in tracked]), T_map_base, setup),
-        keyframes=_trajectory(
-            sparse_map.stamp_ns[living], T_map_start @ se3.inverse(poses[living]) @ se3.inverse(T_base_camera), setup
-        ),
+        keyframes=_trajectory(sparse_map.stamp_ns[living], T_keyframes, setup),
+        keyframe_graph=keyframe_graph(sparse_map, T_keyframes),
+        steps=steps,
         cloud=PointCloud(
             stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32),
             colours=sparse_map.colours[alive],
@@ -63,7 +68,9 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         grid=seen.grid(placed, setup.map_frame),
         atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
-            "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
+            "frames": len(stamps_ns), "tracked": len(tracked), "lost": len(stamps_ns) - len(tracked),
+            "relocalised": session.counts["frames relocalised"], "loops closed": session.counts["loops closed"],
+            "untracked_share_of_time": untracked_share(steps), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **_disparity(session.disparity_offsets.get(chosen)),
             **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
