@@ -32,7 +32,9 @@ def keyframe_map(graph: KeyframeGraph, grid: OccupancyGrid | None, trajectory: T
         Layer("trajectory", f'<path class="track t0" d="{polyline(thinned(place(track_m)))}"/>', key="track t0")
         if len(track_m)
         else None,
-        Layer(f"keyframes ({len(at_m):,})", f'<path class="nodes" d="{dots(thinned(place(at_m)))}"/>', key="nodes"),
+        Layer(
+            f"keyframes ({len(at_m):,})", f'<path class="keyframes" d="{dots(thinned(place(at_m)))}"/>', key="keyframes"
+        ),
         _edges(f"loops ({len(loops):,})", "loop r3", graph, loops, place),
     ]
     return layered_drawing(
