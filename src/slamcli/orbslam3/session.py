@@ -323,6 +323,8 @@ class Session:
                 joined = before[closure.merged_map], before[newest]
                 self.inertial.join(*joined, self.map, closure.keyframe_offset)
             self._mapping.forget()
+        if self.inertial is not None and self.inertial.aligned(self.map):
+            self.inertial.finish(self.map)  # the correction was made by the cameras alone
 
     def _rescale(self, number: int, scale: float) -> None:
         """Keep up with a map whose lengths became `scale` times as long."""
