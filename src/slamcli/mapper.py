@@ -17,6 +17,7 @@ from slamcli.posegraph import LoopSearch, MapState
 from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+from slamcli.vision.pictures import KeyframeView, PlaceView
 from slamcli.vision.visual_atlas import VisualAtlas
 from slamcli.vision.vocabulary import Vocabulary
 
@@ -42,6 +43,10 @@ class MappingResult:
     """The mapped points in the map frame (3D)."""
     keyframe_graph: KeyframeGraph | None = None
     """What ties the `keyframes` of a tier that sees, in their order."""
+    keyframe_views: tuple[KeyframeView, ...] = ()
+    """Some of them as pictures, for the report."""
+    place_views: tuple[PlaceView, ...] = ()
+    """Both sides of loops that were closed."""
     atlas: VisualAtlas | None = None
     """All maps of a tier that sees, from which mapping can go on."""
 

@@ -14,6 +14,7 @@ from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_track import TrackedFrame, after_merge
 from slamcli.orbslam3.keyframe_edges import keyframe_graph
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings
+from slamcli.orbslam3.keyframe_views import keyframe_views, place_views
 from slamcli.orbslam3.local_mapping import MappingSettings
 from slamcli.orbslam3.loop_closing import Closure
 from slamcli.orbslam3.place_settings import PlaceSettings
@@ -21,6 +22,9 @@ from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.matching import feature_grid
+from slamcli.vision.pictures import reduced_picture
+
+PICTURE = reduced_picture(np.zeros((480, 640), np.uint8))
 
 
 def settings(stereo, *, loops=True):
@@ -46,6 +50,7 @@ def go_round(world, chosen, frames=135):
             Frame(
                 number=number, stamp_ns=number * 33_000_000, features=features, grid=feature_grid(features, world.camera),
                 T_camera_map=np.eye(4), points=np.full(len(features), -1),
+                picture=PICTURE,
             )
         )  # fmt: skip
         truth.append(T)
@@ -69,6 +74,11 @@ def test_a_round_is_closed(stereo):
     assert len(graph.of_kind("loop")) == 1
     assert len(graph.of_kind("tree", "loop")) == len(graph.stamps_ns)  # a tree, and one edge that closes it
     assert graph.shared[graph.of_kind("covisible")].min() >= 15
+    assert len(keyframe_views(session.map)) == 12
+    (view,) = place_views(session.map, set())
+    assert view.kind == "loop"
+    assert len(view.older.places) == len(view.newer.places) >= 8
+    assert view.older.stamp_ns < 10 * 33_000_000
     assert before > 0.07
     assert after < 0.6 * before
     again, _ = go_round(world, settings(stereo))

@@ -18,6 +18,7 @@ from slamcli.orbslam3.disparity_offset import DisparityOffset
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
 from slamcli.orbslam3.keyframe_edges import keyframe_graph
+from slamcli.orbslam3.keyframe_views import keyframe_views, place_views
 from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.orbslam3.statistics import step_columns, tell_gaps, untracked_share
@@ -60,6 +61,8 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         trajectory=_trajectory(np.array([stamps_ns[frame.number] for frame in tracked]), T_map_base, setup),
         keyframes=_trajectory(sparse_map.stamp_ns[living], T_keyframes, setup),
         keyframe_graph=keyframe_graph(sparse_map, T_keyframes),
+        keyframe_views=keyframe_views(sparse_map),
+        place_views=place_views(sparse_map, _joins(session)),
         steps=steps,
         cloud=PointCloud(
             stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32),
@@ -68,11 +71,11 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         grid=seen.grid(placed, setup.map_frame),
         atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
+            **dict(sorted((f"{name} made" if name == "keyframes" else name, count) for name, count in session.counts.items())),
             "frames": len(stamps_ns), "tracked": len(tracked), "lost": len(stamps_ns) - len(tracked),
             "relocalised": session.counts["frames relocalised"], "loops closed": session.counts["loops closed"],
             "untracked_share_of_time": untracked_share(steps), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **_disparity(session.disparity_offsets.get(chosen)),
-            **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
             **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
         },
@@ -98,6 +101,12 @@ def _upright(
         seed=seed,
         known=sparse_map.T_world_map,
     )
+
+
+def _joins(session: Session) -> set[tuple[int, int]]:
+    """Return the stamps (older, newer) of the keyframes at which maps were joined."""
+    stamps = [(one.stamp_ns, one.other_stamp_ns) for one in session.closures if one.merged_map >= 0]
+    return {(min(pair), max(pair)) for pair in stamps}
 
 
 def _disparity(found: DisparityOffset | None) -> dict[str, float]:

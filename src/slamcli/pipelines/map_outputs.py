@@ -99,6 +99,7 @@ def write_records(
         run, map_image=written.map_image, steps=result.steps, trajectory=result.trajectory, truth=written.truth,
         errors=_errors(score), grid=result.grid, declared=declared,
         state=result.state, loop_searches=result.loop_searches, cloud=result.cloud,
+        keyframes=result.keyframe_graph, keyframe_views=result.keyframe_views, place_views=result.place_views,
     )  # fmt: skip
     (folder / "report.html").write_text(page, encoding="utf-8")
     document = {**run, "steps": step_columns(result.steps)}
