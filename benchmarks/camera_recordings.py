@@ -52,6 +52,7 @@ VARIANTS: dict[str, tuple[str, dict[str, float | str], float | None]] = {
     "depth-stamps": ("visual_room", {**SMALL, "clock.depth_offset": 0.25}, 4.0),
     "depth-late": ("visual_room", {**SMALL, "depth.delay": 0.1}, 4.0),
     "black": ("visual_room", {**SMALL, "camera.black_from": 3, "camera.black_seconds": 2}, 8.0),
+    "lost": ("visual_loop", {**SMALL, **IMU, "camera.black_from": 20, "camera.black_seconds": 4}, None),
     "drops": ("visual_room", {**SMALL, "camera.drop": 0.4}, 8.0),
     "resize": ("visual_room", {**SMALL, "camera.resize_at": 3}, 6.0),
     "blurred": ("visual_room", {**SMALL, "camera.motion_blur": True, "camera.exposure": 0.06}, 6.0),

@@ -18,7 +18,7 @@ from slamcli.orbslam3.gravity_bounds import upright_correction, upright_joint
 from slamcli.orbslam3.loop_closing import LoopClosing
 from slamcli.orbslam3.loop_correction import correct_loop
 from slamcli.orbslam3.map_merging import merge_maps
-from slamcli.orbslam3.map_snapshot import MapSnapshot, cost_per_observation, observations_of
+from slamcli.orbslam3.map_snapshot import Costs, MapSnapshot, costs, observations_of
 from slamcli.orbslam3.place_index import Place, PlaceIndex
 from slamcli.orbslam3.place_recognition import PlaceRecognition
 from slamcli.orbslam3.place_settings import PlaceSettings
@@ -255,6 +255,28 @@ def test_a_merge_that_gravity_rules_out_is_refused():
     assert "gravity" in outcome.reason
 
 
+def test_what_counts_as_worse():
+    settings = PlaceSettings()
+    quiet = Costs(0.02, np.array([0.02, 0.03, np.nan]))
+    assert not settings.is_worse(quiet, Costs(0.08, np.array([0.1, 0.2, 0.9])))
+    assert settings.is_worse(quiet, Costs(0.1, np.array([0.1, 0.1, 0.1])))
+    assert settings.is_worse(quiet, Costs(0.05, np.array([0.02, 0.4, 0.1])))
+    loud = Costs(0.3, np.array([0.3, 0.4, 0.2]))
+    assert not settings.is_worse(loud, Costs(0.45, np.array([0.5, 0.6, 0.4])))
+
+
+@pytest.mark.parametrize(("stereo", "focal_error"), [(True, 0.08), (False, -0.06)])
+def test_a_poor_calibration_keeps_no_loop_open(stereo, focal_error):
+    world = World(stereo=stereo, focal_error=focal_error)
+    sparse_map = world.build(ROUND)
+    worst, _ = position_error(sparse_map, world.truth, with_scale=not stereo)
+    settings = PlaceSettings(fix_scale=stereo)
+    _, loop = recognise([sparse_map], 38, settings)
+    assert correct_loop(sparse_map, loop, settings).closed
+    closed, _ = position_error(sparse_map, world.truth, with_scale=not stereo)
+    assert closed < 0.3 * worst
+
+
 def test_similarities_chain_and_invert():
     rng = np.random.default_rng(0)
     S = np.array(
@@ -302,15 +324,17 @@ def test_a_snapshot_puts_everything_back(stereo_round):
     sparse_map = copy.deepcopy(original)
     snapshot = MapSnapshot(sparse_map)
     everything = observations_of(sparse_map, sparse_map.living_keyframes)
-    cost = cost_per_observation(sparse_map, everything)
+    cost = costs(sparse_map, everything).mean
     assert 0.0 < cost < 0.2
     sparse_map.T_camera_map[5, 0, 3] += 0.5
     sparse_map.merge_points(np.array([3]), np.array([9]))
     sparse_map.remove_points(np.array([20, 21]))
     sparse_map.loop_edges.append((0, 1))
-    assert cost_per_observation(sparse_map, everything) > 1.1 * cost
+    changed = costs(sparse_map, everything)
+    assert changed.mean > 1.1 * cost
+    assert np.nanargmax(changed.by_keyframe) == 5
     snapshot.restore(sparse_map)
-    assert cost_per_observation(sparse_map, everything) == cost
+    assert costs(sparse_map, everything).mean == cost
     assert sparse_map.loop_edges == []
     for name in ("seen", "positions", "point_alive", "replaced_by", "found", "T_camera_map"):
         assert np.array_equal(getattr(sparse_map, name), getattr(original, name))

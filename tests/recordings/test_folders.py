@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -239,3 +240,24 @@ def test_the_commands_take_a_folder(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert document["poses"]["matched"] == 12
     assert document["ate"]["rmse"] == pytest.approx(0.1 * 0.5**0.5, abs=1e-6)
     assert run(["evaluate", str(estimate), str(tmp_path)]) == 2
+
+
+def test_stamps_that_no_message_holds_are_left_out(tmp_path: Path) -> None:
+    folder = data_folders.tum(tmp_path / "fr1")
+    text = (folder / "rgb.txt").read_text()
+    (folder / "rgb.txt").write_text(
+        text.replace("1305031102.208637 ", "-5 ").replace("1305031102.275304 ", "3305031102.5 ")
+    )
+    log = RunLog()
+    assert len(_all(folder, RGB, log)) == 2
+    assert any("2 of 4 stamps are beyond what a message can hold (first: -5 s)" in line for line in log.warnings)
+
+
+def test_threads_read_the_same(tmp_path: Path) -> None:
+    folder = data_folders.tum(tmp_path / "fr1", 30)
+    with open_recording(folder) as recording, ThreadPoolExecutor(4) as pool:
+        topics = [RGB, DEPTH, RGB, DEPTH]
+        read = list(pool.map(lambda topic: [m.pixels for m in recording.measurements([topic])], topics))
+    for a, b in ((0, 2), (1, 3)):
+        assert len(read[a]) == 30
+        assert all(np.array_equal(x, y) for x, y in zip(read[a], read[b], strict=True))

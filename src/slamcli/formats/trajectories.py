@@ -172,7 +172,7 @@ def read_kitti(path: PathLike, *, times: PathLike | None = None, log: RunLog | N
     transforms = np.zeros((len(values), 4, 4))
     transforms[:, :3, :] = np.array(values).reshape(-1, 3, 4)
     transforms[:, 3, 3] = 1.0
-    rotations = transforms[:, :3, :3]
+    rotations = np.clip(transforms[:, :3, :3], -10.0, 10.0)  # whose squares do not overflow
     deviation = np.abs(rotations @ rotations.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
     wrong = np.flatnonzero((deviation > _UNIT_TOLERANCE) | (np.linalg.det(rotations) <= 0))
     if wrong.size:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ class Closure:
     """Points of the old region that the keyframe shows."""
     num_fused: int
     cost_before: float
-    """Per observation around the place, as shares of the 95 % bounds."""
+    """Per observation of the whole map, as shares of the 95 % bounds."""
     cost_after: float
     length_factor: float
     """By which lengths around the newest keyframe were multiplied (1 unless mono)."""
@@ -40,6 +41,19 @@ class Closure:
     """Added to the numbers of the newest map's keyframes."""
     point_offset: int = 0
     """Added to the numbers of its points."""
+
+    def figures(self) -> dict[str, Any]:
+        """Return what ``run.json`` says of it."""
+        return {
+            "kind": "loop" if self.merged_map < 0 else "merge",
+            "stamp_ns": self.stamp_ns,
+            "other_stamp_ns": self.other_stamp_ns,
+            "matches": self.num_matches,
+            "points_fused": self.num_fused,
+            "cost_before": round(self.cost_before, 4),
+            "cost_after": round(self.cost_after, 4),
+            "length_factor": round(self.length_factor, 6),
+        }
 
 
 _PAUSE = 5

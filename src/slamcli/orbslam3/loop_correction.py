@@ -16,15 +16,16 @@ from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.essential_graph import essential_pairs, shared_points, spread_correction
 from slamcli.orbslam3.gravity_bounds import upright_correction
 from slamcli.orbslam3.map_motion import carry_along, propagate
-from slamcli.orbslam3.map_snapshot import MapSnapshot, cost_per_observation, observations_of
+from slamcli.orbslam3.map_snapshot import MapSnapshot, costs, observations_of
 from slamcli.orbslam3.place_recognition import PlaceMatch
 from slamcli.orbslam3.place_settings import PlaceSettings
 from slamcli.orbslam3.region_fusion import fuse_region
-from slamcli.orbslam3.region_matching import region_around
 from slamcli.orbslam3.similarities import scale_of
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 
 Floats = NDArray[np.float64]
+_ROUNDS = (20, 20)
+"""Iterations of the last bundle adjustment; a long way may be left when what does not fit is thrown out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +39,7 @@ class LoopOutcome:
     num_fused: int
     """Points that were one thing seen twice."""
     cost_before: float
-    """Mean share of the bounds (chi2 / 95 %, at most 1) of the observations around the loop, as the map was."""
+    """Mean share of the bounds (chi2 / 95 %, at most 1) of all observations, as the map was."""
     cost_after: float
     length_factor: float
     """By which lengths around the newest keyframe were multiplied (mono); 1 if not closed."""
@@ -69,8 +70,7 @@ def correct_loop(
             return _refused("it asks for a tilt or turn that the IMU rules out")
         S_camera_map = T_corrected
     connected = _connected(sparse_map, keyframe)
-    around = np.unique(np.concatenate([connected, region_around(sparse_map, other, 2 * settings.region_size)]))
-    before = cost_per_observation(sparse_map, observations_of(sparse_map, around))
+    before = costs(sparse_map, observations_of(sparse_map, sparse_map.living_keyframes))
     snapshot = MapSnapshot(sparse_map)
     T_before = sparse_map.T_camera_map.copy()
     shared = shared_points(sparse_map)
@@ -83,15 +83,16 @@ def correct_loop(
     S_after = spread_correction(sparse_map, T_before, S_start, ties, new_ties, fixed, fix_scale=settings.fix_scale)
     carry_along(sparse_map, S_start, S_after)
     sparse_map.loop_edges.append((other, keyframe))
-    observed = observations_of(sparse_map, around)
-    adjust_all(sparse_map)
-    after = cost_per_observation(sparse_map, observed)
+    observed = observations_of(sparse_map, sparse_map.living_keyframes)
+    adjust_all(sparse_map, rounds=_ROUNDS)
+    after = costs(sparse_map, observed)
     if settings.is_worse(before, after):
         snapshot.restore(sparse_map)
-        return _refused("the map explains its observations worse with it", before=before, after=after)
+        return _refused("the map explains its observations worse with it", before=before.mean, after=after.mean)
     sparse_map.version += 1
     return LoopOutcome(
-        closed=True, reason="", num_fused=fused, cost_before=before, cost_after=after,
+        closed=True, reason="", num_fused=fused, cost_before=before.mean,
+        cost_after=after.mean,
         length_factor=1.0 / float(scale_of(S_after[keyframe])),
     )  # fmt: skip
 

@@ -16,7 +16,7 @@ from slamcli.orbslam3.bundles import adjust, adjust_all
 from slamcli.orbslam3.essential_graph import essential_pairs, shared_points, spread_correction
 from slamcli.orbslam3.gravity_bounds import upright_joint
 from slamcli.orbslam3.map_motion import carry_along, rescale_culled
-from slamcli.orbslam3.map_snapshot import cost_per_observation, observations_of
+from slamcli.orbslam3.map_snapshot import Costs, costs, observations_of
 from slamcli.orbslam3.place_index import Place
 from slamcli.orbslam3.place_recognition import PlaceMatch
 from slamcli.orbslam3.place_settings import PlaceSettings
@@ -26,6 +26,8 @@ from slamcli.orbslam3.similarities import apply, inverse, rigid_of, scale_of
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 
 Floats = NDArray[np.float64]
+_ROUNDS = (20, 20)
+"""Iterations of the last bundle adjustment; a long way may be left when what does not fit is thrown out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +44,7 @@ class MergeOutcome:
     """To be added to the numbers of its points."""
     num_fused: int
     cost_before: float
-    """Mean share of the bounds of the observations in both regions, as `map_snapshot.cost_per_observation` has it."""
+    """Mean share of the bounds, as `map_snapshot.costs` has it, of the map that has the larger one."""
     cost_after: float
     length_factor: float
     """By which lengths in the newer map were multiplied (mono)."""
@@ -76,10 +78,7 @@ def merge_maps(
         S_old_newer = upright @ inverse(centred)
     near_old = region_around(old, match.place.keyframe, 2 * settings.region_size)
     near_newer = region_around(newer, match.keyframe, 2 * settings.region_size)
-    observed_old, observed_newer = observations_of(old, near_old), observations_of(newer, near_newer)
-    costs = cost_per_observation(old, observed_old), cost_per_observation(newer, observed_newer)
-    sizes = len(observed_old.points), len(observed_newer.points)
-    before = float(np.average(costs, weights=np.maximum(sizes, 1)))
+    apart = [costs(one, observations_of(one, one.living_keyframes)) for one in (old, newer)]
     merged, offset, point_offset = _joined(old, newer, S_old_newer)
     keyframe = match.keyframe + offset
     _hang(merged, keyframe, match.place.keyframe, offset)
@@ -88,17 +87,18 @@ def merge_maps(
     T_before = merged.T_camera_map.copy()
     ties = essential_pairs(merged, shared_points(merged), settings.least_essential)
     fused = fuse_region(merged, here, near_newer + offset, settings)
-    observed = observations_of(merged, window)
+    observed = observations_of(merged, merged.living_keyframes)
     _weld(merged, window, T_before, ties, settings)
     merged.loop_edges.append((match.place.keyframe, keyframe))
-    adjust_all(merged)
-    after = cost_per_observation(merged, observed)
+    adjust_all(merged, rounds=_ROUNDS)
+    before = Costs(max(one.mean for one in apart), np.concatenate([one.by_keyframe for one in apart]))
+    after = costs(merged, observed)
     if settings.is_worse(before, after):
-        return _refused("the maps explain their observations worse as one", before=before, after=after)
+        return _refused("the maps explain their observations worse as one", before=before.mean, after=after.mean)
     merged.version = max(old.version, newer.version) + 1
     return MergeOutcome(
-        sparse_map=merged, reason="", keyframe_offset=offset, point_offset=point_offset, num_fused=fused, cost_before=before,
-        cost_after=after, length_factor=float(scale_of(S_old_newer)),
+        sparse_map=merged, reason="", keyframe_offset=offset, point_offset=point_offset, num_fused=fused, cost_before=before.mean,
+        cost_after=after.mean, length_factor=float(scale_of(S_old_newer)),
     )  # fmt: skip
 
 

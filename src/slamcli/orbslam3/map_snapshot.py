@@ -15,6 +15,8 @@ _MUTABLE = (
     "reference", "point_alive", "visible", "found", "replaced_by",
 )  # fmt: skip
 _CHI2_MONO, _CHI2_STEREO = 5.991, 7.815
+_LEAST = 30
+"""Observations of a keyframe that make a mean."""
 
 
 class MapSnapshot:
@@ -46,16 +48,34 @@ def observations_of(sparse_map: SparseMap, keyframes: Ids) -> Observations:
     return Observations(np.asarray(keyframes)[rows], features, seen[rows, features])
 
 
-def cost_per_observation(sparse_map: SparseMap, observed: Observations) -> float:
-    """Return the mean over observations of chi2 / bound, 1 at most (95 %: 5.991, 7.815 with depth); 0 for none.
+class Costs(NamedTuple):
+    """How well keyframes see what they should: means over observations of chi2 / bound (95 %), 1 at most."""
+
+    mean: float
+    """Over all of them; 0 for none."""
+    by_keyframe: NDArray[np.float64]
+    """(K,), NaN where a keyframe has fewer than 30."""
+
+
+def costs(sparse_map: SparseMap, observed: Observations) -> Costs:
+    """Return how well a map explains observations that were made of it, perhaps before it was changed.
 
     Points that were replaced since count where they are now, those that were taken out as 1: an adjustment that throws out what
     does not fit is not better for it.
     """
-    if not len(observed.points):
-        return 0.0
+    shares = _shares(sparse_map, observed)
+    counts = np.bincount(observed.keyframes, minlength=sparse_map.num_keyframes)
+    sums = np.bincount(observed.keyframes, weights=shares, minlength=sparse_map.num_keyframes)
+    known = counts >= _LEAST
+    by_keyframe = np.where(known, sums / np.maximum(counts, 1), np.nan)
+    return Costs(float(shares.mean()) if len(shares) else 0.0, by_keyframe)
+
+
+def _shares(sparse_map: SparseMap, observed: Observations) -> NDArray[np.float64]:
+    """Return chi2 / bound, 1 at most, of each observation (M,)."""
+    out = np.ones(len(observed.points))
     ids = sparse_map.resolved(observed.points)
-    alive = ids >= 0
+    alive = np.flatnonzero(ids >= 0)
     k, i, ids = observed.keyframes[alive], observed.features[alive], ids[alive]
     T, camera = sparse_map.T_camera_map[k], sparse_map.camera
     x, y, z = ((T[:, :3, :3] @ sparse_map.positions[ids][:, :, None])[..., 0] + T[:, :3, 3]).T
@@ -66,5 +86,5 @@ def cost_per_observation(sparse_map: SparseMap, observed: Observations) -> float
     stereo = np.isfinite(right)
     across = np.where(stereo, u - camera.bf / z - np.where(stereo, right, 0.0), 0.0)
     chi2 = ((u - pixels[:, 0]) ** 2 + (v - pixels[:, 1]) ** 2 + across**2) / sparse_map.sigmas[k, i] ** 2
-    share = np.where(ahead, np.minimum(chi2 / np.where(stereo, _CHI2_STEREO, _CHI2_MONO), 1.0), 1.0)
-    return float((share.sum() + np.count_nonzero(~alive)) / len(alive))
+    out[alive] = np.where(ahead, np.minimum(chi2 / np.where(stereo, _CHI2_STEREO, _CHI2_MONO), 1.0), 1.0)
+    return out

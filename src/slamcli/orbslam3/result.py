@@ -66,6 +66,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
             **_disparity(session.disparity_offsets.get(chosen)),
             **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
+            **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
         },
     )  # fmt: skip
 

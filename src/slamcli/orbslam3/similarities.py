@@ -36,7 +36,9 @@ def inverse(S_a_b: Floats) -> Floats:
 
 def apply(S_a_b: Floats, points_b: Floats) -> Floats:
     """Return points (N, 3) of frame b in frame a: S_a_b is (4, 4), or (N, 4, 4) with one for each."""
-    return (S_a_b[..., :3, :3] @ points_b[:, :, None])[..., 0] + S_a_b[..., :3, 3]
+    if S_a_b.ndim == 2:
+        return points_b @ S_a_b[:3, :3].T + S_a_b[:3, 3]
+    return (S_a_b[:, :3, :3] @ points_b[:, :, None])[..., 0] + S_a_b[:, :3, 3]
 
 
 def as_similarity(S_a_b: Floats) -> Similarity:

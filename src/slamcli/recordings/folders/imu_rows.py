@@ -37,7 +37,7 @@ def read_imu_rows(path: Path, topic: str, frame_id: str, damage: Damage) -> ImuR
     return ImuRows(
         topic=topic,
         frame_id=frame_id,
-        stamps_ns=np.maximum(stamps, FIRST_STAMP_NS),
+        stamps_ns=np.where(stamps == 0, FIRST_STAMP_NS, stamps),
         angular_rad_s=np.ascontiguousarray(values[:, :3]),
         acceleration_m_s2=np.ascontiguousarray(values[:, 3:]),
     )

@@ -29,7 +29,7 @@ class ImageList:
     """Images that are there, in the order of their stamps."""
 
     stamps_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    """int64 (N,), all over 0."""
+    """int64 (N,), none of them 0."""
     paths: tuple[Path, ...] = ()
     size_bytes: int = 0
 
@@ -99,7 +99,7 @@ def existing_images(stamps_ns: Sequence[int], paths: Sequence[Path], source: str
         elif size == 0:
             empty.append(path)
         else:
-            kept.append((max(stamp_ns, FIRST_STAMP_NS), path, size))
+            kept.append((stamp_ns or FIRST_STAMP_NS, path, size))
     if missing:
         damage.add(f"{source}: {len(missing)} of {len(paths)} images that it names are missing (first: {missing[0]})")
     if empty:

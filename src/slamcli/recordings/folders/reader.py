@@ -8,15 +8,19 @@ from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamcli.errors import RecordingError
 from slamcli.recordings.adapters import message_factory
 from slamcli.recordings.adapters.tf_message import is_static_topic
 from slamcli.recordings.containers.damage import Damage
 from slamcli.recordings.folders.layout import DataFolder
+from slamcli.recordings.folders.streams import Stream
 from slamcli.recordings.imu_noise import NOISE_SUFFIX
 from slamcli.recordings.raw import Contents, RawMessage, Topic
 
+_LAST_NS = (1 << 31) * 1_000_000_000
+"""Beyond the last second that a message's stamp holds (the year 2038)."""
 _STEP = 4096
 """Messages whose places in the index are turned into Python numbers at once."""
 
@@ -30,31 +34,32 @@ class FolderReader:
 
     def __init__(self, folder: DataFolder, layout: str, damage: Damage) -> None:
         self._folder = folder
-        self._streams = tuple(stream for stream in folder.streams if len(stream.stamps_ns))
-        if not self._streams:
+        usable = [(stream, _in_range(stream, damage)) for stream in folder.streams]
+        usable = [(stream, rows) for stream, rows in usable if len(rows)]
+        if not usable:
             reason = damage.lines()[:1]
             raise RecordingError(
                 f"{folder.root}: a {layout}, but nothing of it can be read" + (f" ({reason[0]})" if reason else "")
             )
+        self._streams = tuple(stream for stream, _ in usable)
         self._layout = layout
         self._damage = damage
         self._factory = message_factory("cdr")
         self._lost: dict[str, dict[int, str]] = {}
-        lengths = [len(stream.stamps_ns) for stream in self._streams]
-        stamps = np.concatenate([stream.stamps_ns for stream in self._streams])
+        stamps = np.concatenate([stream.stamps_ns[rows] for stream, rows in usable])
         order = np.argsort(stamps, kind="stable")
         self._stamps = stamps[order]
-        self._channels = np.repeat(np.arange(len(lengths)), lengths)[order]
-        self._indices = np.concatenate([np.arange(length) for length in lengths])[order]
+        self._channels = np.repeat(np.arange(len(usable)), [len(rows) for _, rows in usable])[order]
+        self._indices = np.concatenate([rows for _, rows in usable])[order]
         self._topics = tuple(
             Topic(
                 name=stream.topic,
                 msgtype=stream.msgtype,
-                count=len(stream.stamps_ns),
+                count=len(rows),
                 definition=self._factory.definition(stream.msgtype),
                 latched=is_static_topic(stream.topic) or stream.topic.endswith(NOISE_SUFFIX),
             )
-            for stream in self._streams
+            for stream, rows in usable
         )
 
     @property
@@ -111,3 +116,14 @@ class FolderReader:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Nothing is held open."""
+
+
+def _in_range(stream: Stream, damage: Damage) -> NDArray[np.int64]:
+    """Return the indices of the messages whose stamps a message can hold, int64 (N,); the others are told."""
+    good = (stream.stamps_ns > 0) & (stream.stamps_ns < _LAST_NS)
+    if not good.all():
+        wrong = stream.stamps_ns[~good]
+        damage.add(
+            f"{stream.topic}: {len(wrong)} of {len(good)} stamps are beyond what a message can hold (first: {wrong[0] / 1e9:.9g} s)"
+        )
+    return np.flatnonzero(good)

@@ -157,8 +157,8 @@ def imu_noise(document: Mapping[str, Any], path: Path) -> ImuNoise | None:
     for rate in ("rate_hz", "update_rate"):
         if rate in document:
             found["frequency_hz"] = _numbers([document[rate]], path, rate)
-    if any(not value[0] > 0 for value in found.values()):
-        raise CalibrationError(f"{path}: noise of an IMU must be over 0")
+    if any(value.size != 1 or not value[0] > 0 for value in found.values()):
+        raise CalibrationError(f"{path}: noise and rate of an IMU must be numbers over 0")
     return ImuNoise(**{field: float(value[0]) for field, value in found.items()})
 
 
@@ -172,7 +172,7 @@ def transform(value: Any, path: Path) -> NDArray[np.float64]:
     """
     numbers = _numbers(value.get("data") if isinstance(value, Mapping) else value, path, "transform")
     matrix = numbers.reshape(4, 4) if numbers.size == 16 else np.zeros((4, 4))
-    rotation = matrix[:3, :3]
+    rotation = np.clip(matrix[:3, :3], -10.0, 10.0)  # whose squares do not overflow
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > _ORTHOGONAL or np.linalg.det(rotation) < 0:
         raise CalibrationError(f"{path}: a transform is no 4 x 4 matrix of rotation and translation")
     return matrix

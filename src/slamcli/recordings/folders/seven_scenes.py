@@ -113,7 +113,7 @@ def _pose(path: Path) -> NDArray[np.float64] | None:
     if values.size != 16 or not np.isfinite(values).all():
         return None
     pose = values.reshape(4, 4)
-    rotation = pose[:3, :3]
+    rotation = np.clip(pose[:3, :3], -10.0, 10.0)  # whose squares do not overflow
     is_rotation = np.abs(rotation @ rotation.T - np.eye(3)).max() < _ORTHOGONAL and np.linalg.det(rotation) > 0
     return pose if is_rotation else None
 

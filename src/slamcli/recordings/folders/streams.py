@@ -37,7 +37,7 @@ class Stream(Protocol):
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:
-        """int64 (N,), not decreasing, all over 0."""
+        """int64 (N,), not decreasing, none of them 0."""
 
     def message(self, index: int) -> Any:
         """Return one message (of `message_factory("cdr")`).

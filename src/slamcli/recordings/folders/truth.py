@@ -22,7 +22,7 @@ def truth_stream(stamps_ns: NDArray[np.int64], trajectory: Trajectory) -> Poses:
     return Poses(
         topic=TRUTH_TOPIC,
         frame_id="world",
-        stamps_ns=np.maximum(stamps_ns[order], FIRST_STAMP_NS),
+        stamps_ns=np.where(stamps_ns[order] == 0, FIRST_STAMP_NS, stamps_ns[order]),
         positions_m=trajectory.positions_m[order],
         quats_xyzw=trajectory.quats_xyzw[order],
     )
