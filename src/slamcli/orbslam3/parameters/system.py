@@ -79,6 +79,10 @@ class SlamcliParameters:
     final_bundle_adjustment: bool = parameter(
         True, "adjust all keyframes and points together at the end", extension=True
     )
+    keyframe_share: float = parameter(
+        0.9, "a frame that sees less than this share of its reference keyframe's points becomes a keyframe (the original with depth: 0.75)",
+        minimum=0.1, maximum=1.0, extension=True,
+    )  # fmt: skip
     mend_disparities: bool = parameter(
         True,
         "take an error that all disparities share (calibration of a stereo camera) out of the map at the end",
