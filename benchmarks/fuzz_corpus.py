@@ -6,12 +6,14 @@ from __future__ import annotations
 import gzip
 import importlib.util
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from fuzz_states import write_states
+from fuzz_visual import write_small_atlas, write_vocabularies
 
 from slamcli.cli.main import COMMANDS as TABLE
 from slamcli.grids import OccupancyGrid
@@ -99,6 +101,21 @@ _ALL: dict[str, list[tuple[str, ...]]] = {
     ],
     "world": [("generate", "{input}", "{out}/drive.mcap", "--duration", "1")],
     "pairs": [("plan", "--pairs", "{input}", "--map", "{dir}/room.yaml", "--robot-radius", "0")],
+    "vocabulary": [("vocabulary", "info", "{input}", "--json")],
+    "atlas": [
+        (
+            "map",
+            "--algo",
+            "orbslam3",
+            "{dir}/desk.mcap",
+            "--duration",
+            "0.3",
+            "--load-atlas",
+            "{input}",
+            "-o",
+            "{out}/map",
+        )
+    ],
     "urdf": [("info", "{dir}/plain.mcap", "--urdf", "{input}")],
 }
 
@@ -121,6 +138,7 @@ def make_corpus(folder: Path, kinds: list[str]) -> list[Input]:
         _relations,
         _states,
         _clouds,
+        _visual,
         _configurations,
     ]
     found = [entry for maker in makers for entry in maker(folder)]
@@ -274,6 +292,13 @@ def _relations(folder: Path) -> list[Input]:
 
 def _states(folder: Path) -> list[Input]:
     return [Input("state", path, (folder / "truth.tum",)) for path in write_states(folder)]
+
+
+def _visual(folder: Path) -> list[Input]:
+    desk = folder / "desk.mcap"
+    shutil.copy(CONFIGS.parent / "sample_data" / "desk_rgbd.mcap", desk)
+    found = [Input("vocabulary", path) for path in write_vocabularies(folder)]
+    return [*found, Input("atlas", write_small_atlas(folder), (desk,))]
 
 
 def _clouds(folder: Path) -> list[Input]:

@@ -14,8 +14,10 @@ from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import CameraRig, Measurement, PointCloud
 from slamcli.posegraph import LoopSearch, MapState
+from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+from slamcli.vision.pictures import KeyframeView, PlaceView
 from slamcli.vision.visual_atlas import VisualAtlas
 from slamcli.vision.vocabulary import Vocabulary
 
@@ -39,6 +41,12 @@ class MappingResult:
     """Searches for loop closures that found a candidate, accepted or not, in the order in which they were made."""
     cloud: PointCloud | None = None
     """The mapped points in the map frame (3D)."""
+    keyframe_graph: KeyframeGraph | None = None
+    """What ties the `keyframes` of a tier that sees, in their order."""
+    keyframe_views: tuple[KeyframeView, ...] = ()
+    """Some of them as pictures, for the report."""
+    place_views: tuple[PlaceView, ...] = ()
+    """Both sides of loops that were closed."""
     atlas: VisualAtlas | None = None
     """All maps of a tier that sees, from which mapping can go on."""
 

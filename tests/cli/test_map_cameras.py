@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from pathlib import Path
 
@@ -11,8 +10,11 @@ import numpy as np
 import pytest
 
 from slamcli.cli.main import run
+from slamcli.errors import UsageError
 from slamcli.measurements import Image
+from slamcli.pipelines.map import MapRequest
 from slamcli.recordings import create_recording
+from slamcli.runtime import RunLog
 
 START = 1_700_000_000_000_000_000
 
@@ -59,19 +61,33 @@ def test_wrong_use_is_one_line(
     assert not out.exists()
 
 
-def test_options_of_cameras_are_recorded_in_the_command() -> None:
-    command_line = importlib.import_module("slamcli.cli.map")._command_line
-    from slamcli.recordings.camera_topics import CameraNames
+def test_options_of_cameras_are_recorded_in_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
 
-    options = {
-        "algo": "orbslam3", "seed": 0, "cameras": CameraNames(left="/l", right="/r", camera_info="/i"),
-        "camera_files": (Path("/data/rig.yaml"),), "mode": "stereo",
-    }  # fmt: skip
-    words = command_line((Path("/data/a.bag"),), {}, options, {})
-    assert words == (
-        "slamcli map --algo orbslam3 a.bag --seed 0 --left-topic /l --right-topic /r --camera-info-topic /i"
-        " --camera rig.yaml --mode stereo"
-    )
+    def stop(request: MapRequest, log: RunLog) -> None:
+        asked.append(request)
+        raise UsageError("seen")
+
+    monkeypatch.setattr("slamcli.pipelines.map.run_map", stop)
+    words = [
+        "--left-topic",
+        "/l",
+        "--right-topic",
+        "/r",
+        "--camera-info-topic",
+        "/i",
+        "--camera",
+        "/data/rig.yaml",
+        "--mode",
+        "stereo",
+    ]
+    assert run(["map", "--algo", "orbslam3", "/data/a.bag", *words]) == 2
+    command = asked[0].command
+    assert command.startswith("slamcli map --algo orbslam3 a.bag --seed 0")
+    assert "--left-topic /l --right-topic /r --camera-info-topic /i" in command
+    assert "--camera rig.yaml" in command
+    assert "--mode stereo" in command
+    assert asked[0].cameras.right == "/r"
 
 
 def test_config_show_and_check_know_the_settings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

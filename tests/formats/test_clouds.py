@@ -8,7 +8,8 @@ import struct
 import numpy as np
 import pytest
 
-from slamcli.errors import FormatError, InputError, UsageError
+from slamcli.errors import DataError, FormatError, InputError, UsageError
+from slamcli.formats.cloud_colours import colours_in
 from slamcli.formats.clouds import COLOURS, colours_of, read_cloud, write_cloud
 from slamcli.measurements import PointCloud
 
@@ -209,3 +210,51 @@ def test_other_suffixes_and_missing_files(tmp_path):
     with pytest.raises(FormatError, match="No such file"):
         read_cloud(tmp_path / "none.ply")
     assert not list(tmp_path.iterdir())
+
+
+COLOURED = PointCloud(
+    stamp_ns=0, frame_id="map", points_m=POINTS, colours=RNG.integers(0, 256, (200, 3), dtype=np.uint8)
+)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd"])
+def test_colours_come_back_as_they_were(tmp_path, suffix):
+    path = tmp_path / f"c{suffix}"
+    write_cloud(path, COLOURED)
+    back = read_cloud(path)
+    np.testing.assert_array_equal(back.colours, COLOURED.colours)
+    write_cloud(path, COLOURED, colour="height")
+    np.testing.assert_array_equal(read_cloud(path).colours, colours_of(POINTS[:, 2]))
+    write_cloud(path, COLOURED, colour="none")
+    assert read_cloud(path).colours is None
+
+
+def test_open3d_agrees_on_colours(tmp_path):
+    o3d = pytest.importorskip("open3d")
+    for suffix in (".ply", ".pcd"):
+        write_cloud(tmp_path / f"c{suffix}", COLOURED)
+        read = o3d.io.read_point_cloud(str(tmp_path / f"c{suffix}"))
+        np.testing.assert_allclose(np.asarray(read.colors) * 255, COLOURED.colours, atol=1e-6)
+        for ascii_too in (True, False):
+            o3d.io.write_point_cloud(str(tmp_path / f"o{suffix}"), read, write_ascii=ascii_too)
+            np.testing.assert_array_equal(read_cloud(tmp_path / f"o{suffix}").colours, COLOURED.colours)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {name: np.array([v]) for name, v in zip("rgb", (0.2, 0.4, 1.0), strict=True)},
+        {name: np.array([v]) for name, v in zip("rgb", (51.0, 102.0, 255.0), strict=True)},
+        {"rgb": np.array([0x3366FF], dtype=np.uint32)},
+        {"rgb": np.array([0xFF3366FF], dtype=np.uint32).view(np.float32).astype(np.float64)},
+        {"rgb": np.array([0x003366FF], dtype=np.uint32).view(np.float32)},
+        {"rgba": np.array([float(0xFF3366FF)])},
+    ],
+)
+def test_colours_are_found_however_they_are_written(columns):
+    np.testing.assert_array_equal(colours_in(columns), [[51, 102, 255]])
+
+
+def test_colours_of_another_number_of_points_are_refused():
+    with pytest.raises(DataError, match=r"colours have shape \(3, 3\) for 200 points"):
+        PointCloud(stamp_ns=0, frame_id="", points_m=POINTS, colours=np.zeros((3, 3), np.uint8))

@@ -269,6 +269,10 @@ def test_fisheye_and_rectified() -> None:
         (NEW.replace("0.999997256477797", "0.2"), "no rigid transform"),
         (LEGACY.replace("LEFT.R:", "LEFT.Q:"), "LEFT.R is missing"),
         (NEW.replace("Camera2.cy", "Camera2.cz"), "Camera2.cy is missing"),
+        (NEW.replace("Camera1.fx: 458.654", "Camera1.fx: 0.0"), "must be more than 0"),
+        (NEW.replace("Camera1.fx: 458.654", "Camera1.fx: wide"), "Camera1.fx is 'wide', not a finite number"),
+        (NEW.replace("IMU.NoiseGyro: 1.7e-04", "IMU.NoiseGyro: 0.0"), "IMU.NoiseGyro is 0: must be more than 0"),
+        (NEW.replace("Camera.width: 752", "Camera.width: -3"), "not a number of pixels"),
     ],
 )
 def test_rigs_that_are_wrong_are_refused(text: str, message: str) -> None:

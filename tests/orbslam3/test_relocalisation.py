@@ -103,12 +103,18 @@ def test_a_frame_is_found_where_it_was_taken(camera):
     assert np.array_equal(frame.points, before[1])
 
 
-def test_the_first_candidate_that_holds_wins_and_the_same_comes_again():
+def test_the_candidate_that_holds_most_wins_and_the_same_comes_again():
     world = World(2)
-    sparse_map = world.build((0.0, 0.3, 0.6))
-    frame, _ = world.frame(9, pose(0.25))
-    one, two = (relocalise(sparse_map, frame, [2, 0], SETTINGS) for _ in range(2))
-    assert one.keyframe == 2
+    sparse_map = world.build((0.0, 0.3, 2.4))
+    sparse_map.seen[2, ::2] = -1
+    sparse_map.covisible = lambda keyframe: (np.empty(0, np.int64), np.empty(0, np.int64))  # each stands alone
+    frame, _ = world.frame(9, pose(0.1))
+    every = RelocalisationSettings(surely_held=10_000, least_held=20)
+    held = [relocalise(sparse_map, frame, [k], every).num_held for k in (0, 1, 2)]
+    assert held[2] < min(held[:2])
+    one, two = (relocalise(sparse_map, frame, [2, 0, 1], every) for _ in range(2))
+    assert one.num_held == max(held)
+    assert one.keyframe == held.index(max(held))
     assert one.T_camera_map.tobytes() == two.T_camera_map.tobytes()
 
 

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from loop_world import SCALES, World, position_error, true_pose
 
+from slamcli.geometry import se3
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.frame_track import TrackedFrame, after_merge
+from slamcli.orbslam3.keyframe_edges import keyframe_graph
 from slamcli.orbslam3.keyframe_rules import KeyframeSettings
+from slamcli.orbslam3.keyframe_views import keyframe_views, place_views
 from slamcli.orbslam3.local_mapping import MappingSettings
 from slamcli.orbslam3.loop_closing import Closure
 from slamcli.orbslam3.place_settings import PlaceSettings
@@ -19,6 +22,9 @@ from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.matching import feature_grid
+from slamcli.vision.pictures import reduced_picture
+
+PICTURE = reduced_picture(np.zeros((480, 640), np.uint8))
 
 
 def settings(stereo, *, loops=True):
@@ -44,6 +50,7 @@ def go_round(world, chosen, frames=135):
             Frame(
                 number=number, stamp_ns=number * 33_000_000, features=features, grid=feature_grid(features, world.camera),
                 T_camera_map=np.eye(4), points=np.full(len(features), -1),
+                picture=PICTURE,
             )
         )  # fmt: skip
         truth.append(T)
@@ -63,6 +70,15 @@ def test_a_round_is_closed(stereo):
     assert session.closures[0].other_stamp_ns < 10 * 33_000_000
     assert session.closures[0].num_matches >= 80
     assert len(session.tracked) >= 133
+    graph = keyframe_graph(session.map, se3.inverse(session.map.poses_of_all()[session.map.living_keyframes]))
+    assert len(graph.of_kind("loop")) == 1
+    assert len(graph.of_kind("tree", "loop")) == len(graph.stamps_ns)  # a tree, and one edge that closes it
+    assert graph.shared[graph.of_kind("covisible")].min() >= 15
+    assert len(keyframe_views(session.map)) == 12
+    (view,) = place_views(session.map, set())
+    assert view.kind == "loop"
+    assert len(view.older.places) == len(view.newer.places) >= 8
+    assert view.older.stamp_ns < 10 * 33_000_000
     assert before > 0.07
     assert after < 0.6 * before
     again, _ = go_round(world, settings(stereo))

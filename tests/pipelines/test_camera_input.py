@@ -276,7 +276,7 @@ def test_depth_unit_by_the_settings_goes_behind_the_option(tmp_path: Path) -> No
         return float(frame.depth.pixels[0, 0])
 
     assert first_depth() == 2.0
-    assert first_depth(sets=("DepthMapFactor=2.0",)) == 1.0
+    assert first_depth(sets=("DepthMapFactor=2.0",)) == 2.0  # metres (32FC1) are metres, whatever the settings are for
     assert first_depth(sets=("DepthMapFactor=2.0",), mends=Mends(depth_units_per_m=4.0)) == 0.5
 
 

@@ -483,6 +483,17 @@ def test_depth_in_millimetres_metres_and_given_units() -> None:
     np.testing.assert_array_equal(_decode(_image("32FC1", metres), _context()).pixels, metres)
 
 
+def test_the_depth_unit_of_settings_is_for_whole_numbers() -> None:
+    raw = np.arange(6, dtype=np.uint16).reshape(2, 3) * 1000
+    context = _context(settings_depth_units_per_m=5000.0)
+    np.testing.assert_allclose(_decode(_image("16UC1", raw), context).pixels, raw / 5000, rtol=1e-6)
+    assert context.log.notes == []
+    np.testing.assert_array_equal(_decode(_image("32FC1", raw.astype(np.float32)), context).pixels, raw)
+    assert "DepthMapFactor 5000 is for whole numbers" in context.log.notes[0]
+    both = _context(settings_depth_units_per_m=5000.0, depth_units_per_m=2.0)
+    np.testing.assert_array_equal(_decode(_image("32FC1", raw.astype(np.float32)), both).pixels, raw / 2)
+
+
 def test_mono16_is_depth_only_on_a_depth_topic() -> None:
     raw = np.array([[256, 51200]], dtype=np.uint16)
     assert _decode(_image("mono16", raw), _context("/camera/ir/image_raw")).pixels.tolist() == [[1, 200]]

@@ -68,7 +68,8 @@ def test_tum_is_a_recording(tmp_path: Path, name: str, fx: float) -> None:
     assert depth[0].stamp_ns - images[0].stamp_ns == 7_000_000
     np.testing.assert_array_equal(images[0].pixels, data_folders.picture(0))
     assert depth[0].pixels[0, :3].tolist() == [0.0, 0.0, float(np.float32(1002) / np.float32(5000))]
-    assert _all(folder, "/camera/depth/camera_info")[0].intrinsics[0, 0] == fx
+    assert log.notes == []
+    assert _all(folder, "/camera/depth/camera_info", log)[0].intrinsics[0, 0] == fx
     assert any("freiburg" in note for note in log.notes)
     assert len(_all(folder, "/groundtruth")) == 4
 

@@ -234,6 +234,22 @@ def test_a_turned_image_keeps_its_descriptors() -> None:
     assert bits.max() <= 12
 
 
+def test_views_and_images_that_cannot_be_written_give_the_same() -> None:
+    image = texture(150, 160)
+    locked = image.copy()
+    locked.flags.writeable = False
+    settings = OrbSettings(num_features=100)
+    expected = extract_orb(image, settings).features
+    wide = np.repeat(image, 2, axis=1)
+    compiled = len(_corner_kernels.corners.signatures) if hasattr(_corner_kernels.corners, "signatures") else 0
+    for other in (locked, wide[:, ::2]):
+        found = extract_orb(other, settings).features
+        np.testing.assert_array_equal(found.descriptors, expected.descriptors)
+        np.testing.assert_array_equal(found.pixels, expected.pixels)
+    if compiled:
+        assert len(_corner_kernels.corners.signatures) == compiled
+
+
 def test_wrong_input_is_refused() -> None:
     with pytest.raises(DataError, match="not uint8"):
         extract_orb(np.zeros((50, 50, 3), np.uint8))

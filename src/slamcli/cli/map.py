@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from slamcli.pipelines.map import MapOutcome
     from slamcli.recordings import Mends
 
-_CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "height"}
+_CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb"}
 """Options that say how files are written, with their defaults."""
 _KERNELS = {"orbslam3": ("vision", "up to a minute")}
 """Room whose kernels a system needs most, where it is not the usual one, and how long they take to compile."""
@@ -118,10 +118,10 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 )
 @click.option(
     "--cloud-colour",
-    type=click.Choice(["height", "intensity", "none"]),
+    type=click.Choice(["rgb", "height", "intensity", "none"]),
     default=_CHOICES["cloud_colour"],
     show_default=True,
-    help="By what its points are coloured.",
+    help="By what its points are coloured: what the cameras saw (height where none did), or one of the others.",
 )
 @click.option(
     "--truth",

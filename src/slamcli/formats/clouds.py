@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Point clouds in files: PLY and PCD, read and written with positions and intensities, coloured where they are written."""
+"""Point clouds in files: PLY and PCD, read and written with positions, intensities and colours."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import FormatError, UsageError
+from slamcli.formats.cloud_colours import colours_in
 from slamcli.formats.pcd import pcd_bytes, read_pcd_columns
 from slamcli.formats.ply import ply_bytes, read_ply_columns
 from slamcli.measurements import PointCloud
 from slamcli.outputs import atomic_file
 
-Colour = Literal["height", "intensity", "none"]
+Colour = Literal["rgb", "height", "intensity", "none"]
 COLOURS: tuple[str, ...] = get_args(Colour)
 
 _INTENSITIES = ("intensity", "intensities", "reflectivity", "i", "scalar_intensity")
@@ -32,7 +33,7 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     """Return the points of a PLY file (text, or binary of either byte order) or a PCD file (text, binary, compressed).
 
     Positions become float32; points that are not finite (empty cells of an organised cloud) are left out. The cloud has
-    stamp 0 and no frame; colours and normals are not read.
+    stamp 0 and no frame; normals are not read.
 
     Raises
     ------
@@ -58,10 +59,13 @@ def read_cloud(path: str | os.PathLike[str]) -> PointCloud:
     if name is not None:
         with np.errstate(over="ignore", invalid="ignore"):
             intensities = columns[name].astype(np.float32)[valid]
-    return PointCloud(stamp_ns=0, frame_id="", points_m=points[valid], intensities=intensities)
+    colours = colours_in(columns)
+    return PointCloud(
+        stamp_ns=0, frame_id="", points_m=points[valid], intensities=intensities, colours=None if colours is None else colours[valid]
+    )  # fmt: skip
 
 
-def write_cloud(path: str | os.PathLike[str], cloud: PointCloud, *, colour: Colour = "height") -> None:
+def write_cloud(path: str | os.PathLike[str], cloud: PointCloud, *, colour: Colour = "rgb") -> None:
     """Write points, intensities and colours to a PLY or PCD file (binary, little-endian), whole or not at all.
 
     Parameters
@@ -71,7 +75,8 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud, *, colour: Colo
     cloud
         Positions and intensities are written bit by bit; times and rings are not.
     colour
-        By what points are coloured: their height, their intensity (height where there is none), or not at all.
+        By what points are coloured: their own colours, their height, their intensity (height where there is none of either), or
+        not at all.
 
     Raises
     ------
@@ -85,13 +90,19 @@ def write_cloud(path: str | os.PathLike[str], cloud: PointCloud, *, colour: Colo
     columns: dict[str, NDArray[np.float32]] = {name: cloud.points_m[:, i] for i, name in enumerate("xyz")}
     if cloud.intensities is not None:
         columns["intensity"] = cloud.intensities
-    colours = None
-    if colour != "none":
-        by_height = colour == "height" or cloud.intensities is None
-        colours = colours_of(columns["z" if by_height else "intensity"])
-    content = writers[path.suffix.lower()](columns, colours)
+    content = writers[path.suffix.lower()](columns, _colours(cloud, colour))
     with atomic_file(path, "wb") as stream:
         stream.write(content)
+
+
+def _colours(cloud: PointCloud, colour: Colour) -> NDArray[np.uint8] | None:
+    if colour == "none":
+        return None
+    if colour == "rgb" and cloud.colours is not None:
+        return cloud.colours
+    return colours_of(
+        cloud.intensities if colour == "intensity" and cloud.intensities is not None else cloud.points_m[:, 2]
+    )
 
 
 def colours_of(values: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -25,6 +25,8 @@ class PointCloud:
     """float32 (N,) or None."""
     rings: NDArray[np.uint16] | None = None
     """uint16 (N,), which beam of the sensor measured each point, or None."""
+    colours: NDArray[np.uint8] | None = None
+    """uint8 (N, 3), red, green, blue, or None."""
     shape: tuple[int, int] | None = None
     """Rows and columns of an organised cloud, or None."""
     cells: NDArray[np.int64] | None = None
@@ -40,5 +42,9 @@ class PointCloud:
                 raise DataError(
                     f"point cloud at {self.stamp_ns} ns: {name} has shape {values.shape} for {len(self.points_m)} points"
                 )
+        if self.colours is not None and self.colours.shape != self.points_m.shape:
+            raise DataError(
+                f"point cloud at {self.stamp_ns} ns: colours have shape {self.colours.shape} for {len(self.points_m)} points"
+            )
         if (self.shape is None) != (self.cells is None):
             raise DataError(f"point cloud at {self.stamp_ns} ns: `shape` and `cells` go together")

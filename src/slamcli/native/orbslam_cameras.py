@@ -13,6 +13,7 @@ from slamcli.errors import CalibrationError
 from slamcli.geometry import se3
 from slamcli.measurements import CameraModel, ImuNoise, RigCalibration
 
+_MOST_PX = 100_000
 _PINHOLE, _RECTIFIED, _FISHEYE = "PinHole", "Rectified", "KannalaBrandt8"
 _TYPES = {name.lower(): name for name in (_PINHOLE, _RECTIFIED, _FISHEYE)} | {"kannalabrandt": _FISHEYE}
 _NOISE = {
@@ -40,10 +41,13 @@ def rig_calibration(values: Mapping[str, Any], source: str) -> RigCalibration:
     reader = _Reader(given, source)
     main = reader.camera("Camera1") if "Camera1.fx" in given or "Camera1.fy" in given else None
     T_b_c1 = reader.pose("IMU.T_b_c1")
-    noise = {field: float(given[name]) for field, name in _NOISE.items() if name in given}
+    noise = {field: reader.value(name) for field, name in _NOISE.items() if name in given}
+    for field, value in noise.items():
+        if not value > 0.0:
+            raise CalibrationError(f"{source}: {_NOISE[field]} is {value:g}: must be more than 0")
     baseline_m = reader.baseline_m(main)
-    bf = given.get("Camera.bf") if baseline_m is None else None
-    rig: dict[str, Any] = {"main": main, "baseline_m": baseline_m, "bf": None if bf is None else float(bf)}
+    bf = reader.value("Camera.bf") if baseline_m is None and "Camera.bf" in given else None
+    rig: dict[str, Any] = {"main": main, "baseline_m": baseline_m, "bf": bf}
     if "LEFT.K" in given or "RIGHT.K" in given:
         rig |= {"main": reader.legacy("LEFT"), "right": reader.legacy("RIGHT")}
     elif "Camera2.fx" in given or "Stereo.T_c1_c2" in given:
@@ -80,12 +84,14 @@ class _Reader:
             raise CalibrationError(f"{self._source}: Camera.type {kind!r}: PinHole, Rectified or KannalaBrandt8")
         kind = _TYPES[kind.lower()]
         fx, fy, cx, cy = (self._number(f"{group}.{name}", group) for name in ("fx", "fy", "cx", "cy"))
+        if not (fx > 0.0 and fy > 0.0):
+            raise CalibrationError(f"{self._source}: {group}.fx and fy are {fx:g} and {fy:g} px: must be more than 0")
         K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         if kind == _FISHEYE:
             model, distortion = "equidistant", [self._number(f"{group}.k{i}", group) for i in (1, 2, 3, 4)]
         else:
             names = ("k1", "k2", "p1", "p2", "k3")
-            model, distortion = "plumb_bob", [float(self._given.get(f"{group}.{name}", 0.0)) for name in names]
+            model, distortion = "plumb_bob", [self.value(f"{group}.{name}", 0.0) for name in names]
         if kind == _RECTIFIED:
             distortion = [0.0] * 5
         return CameraModel(
@@ -109,9 +115,9 @@ class _Reader:
     def baseline_m(self, main: CameraModel | None) -> float | None:
         """Return ``Stereo.b``, or ``Camera.bf`` over the focal length, metres."""
         if "Stereo.b" in self._given:
-            return float(self._given["Stereo.b"])
+            return self.value("Stereo.b")
         if "Camera.bf" in self._given and main is not None:
-            return float(self._given["Camera.bf"]) / float(main.intrinsics[0, 0])
+            return self.value("Camera.bf") / float(main.intrinsics[0, 0])
         return None
 
     def pose(self, name: str, *, needed: bool = False) -> NDArray[np.float64] | None:
@@ -135,10 +141,25 @@ class _Reader:
     def _number(self, name: str, group: str) -> float:
         if name not in self._given:
             raise CalibrationError(f"{self._source}: {name} is missing: {group} is calibrated in part")
-        return float(self._given[name])
+        return self.value(name)
+
+    def value(self, name: str, default: float = 0.0) -> float:
+        """Return a finite number."""
+        held = self._given.get(name, default)
+        try:
+            number = float(held)
+        except (TypeError, ValueError, OverflowError):
+            number = float("nan")
+        if isinstance(held, bool) or not np.isfinite(number):
+            raise CalibrationError(f"{self._source}: {name} is {held!r}, not a finite number")
+        return number
 
     def _size(self, which: str, side: str | None = None) -> int:
-        return int(self._given.get(f"{side}.{which}", self._given.get(f"Camera.{which}", 0)))
+        name = f"{side}.{which}" if f"{side}.{which}" in self._given else f"Camera.{which}"
+        pixels = self.value(name)
+        if not 0 <= pixels <= _MOST_PX:
+            raise CalibrationError(f"{self._source}: {name} is {pixels:g}, not a number of pixels")
+        return int(pixels)
 
     def _matrix(self, name: str, shape: tuple[int, int]) -> NDArray[np.float64]:
         if name not in self._given:

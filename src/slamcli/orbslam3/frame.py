@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from slamcli.vision.features import Features
 from slamcli.vision.matching import FeatureGrid
+from slamcli.vision.pictures import Picture
 
 
 def _origin() -> NDArray[np.float64]:
@@ -33,6 +34,8 @@ class Frame:
     """Keyframe that shares most points with it."""
     colours: NDArray[np.uint8] | None = None
     """(N, 3) RGB at the key points."""
+    picture: Picture | None = None
+    """For people to look at, where it becomes a keyframe."""
     depth: NDArray[np.float16] | None = None
     """(M,) metres at every few pixels (`slamcli.orbslam3.frame_making.FrameMaker.depth_pixels`), for the occupancy grid."""
 

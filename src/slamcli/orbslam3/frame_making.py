@@ -17,6 +17,7 @@ from slamcli.vision.depth_lookup import with_depth
 from slamcli.vision.features import Features
 from slamcli.vision.matching import feature_grid
 from slamcli.vision.orb import extract_orb
+from slamcli.vision.pictures import reduced_picture
 from slamcli.vision.preparation import Preparation, PreparedFrame
 from slamcli.vision.stereo_matching import match_stereo
 
@@ -54,6 +55,7 @@ class FrameMaker:
             points=np.full(len(features), -1, dtype=np.int64),
             colours=colours_at(image, features.raw_pixels),
             depth=depth,
+            picture=reduced_picture(image),
         )
 
     def _features(self, prepared: PreparedFrame) -> Features:

@@ -23,6 +23,8 @@ _GAP_S, _GAP_AT_FIRST_S, _GAP_AT_REST_S = 0.5, 0.25, 1.0
 """Time after which a keyframe is made anyway: with an aligned map, before that, and before that without motion."""
 _CULLED_GAP_S = 1.0
 """Keyframes are kept where culling would leave a longer time without one."""
+_KEPT_AT_FIRST = 40
+"""Up to so many keyframes none is culled before the map is aligned: the alignment needs them."""
 _LEAST_HELD = 15
 LONGEST_RECKONING_S = 5.0
 """Time for which the IMU alone carries a lost camera on (ORB-SLAM3: recently lost)."""
@@ -132,7 +134,7 @@ class InertialMapping:
         """Return whether keyframes around one are close enough in time for it to go."""
         stamps = np.sort(sparse_map.stamp_ns[sparse_map.living_keyframes])
         at = int(np.searchsorted(stamps, sparse_map.stamp_ns[keyframe]))
-        if at in {0, len(stamps) - 1}:
+        if at in {0, len(stamps) - 1} or (len(stamps) < _KEPT_AT_FIRST and not self.aligned(sparse_map)):
             return False
         return bool(stamps[at + 1] - stamps[at - 1] <= _CULLED_GAP_S * 1e9)
 

@@ -18,6 +18,9 @@ from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.vision.bag_of_words import BagOfWords, bag_of_words
 from slamcli.vision.vocabulary import Vocabulary
 
+_BESIDE = 3
+"""Neighbours of a candidate that are candidates too."""
+
 
 class Places:
     """Knows places again, among all maps of a session."""
@@ -80,10 +83,17 @@ class Places:
         sparse_map = maps[number]
         if not len(sparse_map.living_keyframes):
             return Relocalisation(found=False, reason="the map is empty")
-        named = self._index.resembling(maps, number, self.words(frame), self._lost.num_candidates)
+        resembling = self._index.resembling(maps, number, self.words(frame), self._lost.num_candidates)
+        named = _with_neighbours(sparse_map, resembling)
         found = relocalise(sparse_map, frame, named, self._lost)
         if thorough and not found.found:
             others = [keyframe for keyframe in alike(sparse_map, frame, self._lost) if keyframe not in named]
             again = relocalise(sparse_map, frame, others, self._lost)
             found = again if again.found or not named else found
         return found
+
+
+def _with_neighbours(sparse_map: SparseMap, keyframes: list[int]) -> list[int]:
+    """Return keyframes and then, of each, those that share most points with it."""
+    beside = [sparse_map.covisible(keyframe)[0][:_BESIDE].tolist() for keyframe in keyframes]
+    return list(dict.fromkeys([*keyframes, *(k for neighbours in beside for k in neighbours)]))

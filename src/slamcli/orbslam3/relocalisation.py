@@ -41,6 +41,8 @@ class RelocalisationSettings:
     iterations: int = 300
     least_held: int = 50
     """Points of the map that hold at the pose in the end."""
+    surely_held: int = 150
+    """With so many no other candidate is tried."""
     num_candidates: int = 8
     """Keyframes that are tried by words, and again by descriptors."""
     num_sketched: int = 150
@@ -70,9 +72,10 @@ def relocalise(
 ) -> Relocalisation:
     """Return the pose of a frame beside one of the candidate keyframes of a map, or why there is none.
 
-    Neither the map nor the frame is changed. Candidates are tried in their order; the first that holds wins.
+    Neither the map nor the frame is changed. The candidate with most points that hold wins: one that shows a small part of the view
+    only may hold at a wrong pose too.
     """
-    tried, best, most_matched = 0, 0, 0
+    tried, most_matched, best = 0, 0, Relocalisation(found=False, reason="")
     for keyframe in candidates:
         tried += 1
         features, ids = _matches(sparse_map, keyframe, frame, settings)
@@ -91,12 +94,16 @@ def relocalise(
         points[features[sampled.inliers]] = ids[sampled.inliers]
         T_camera_map, points = _guided(sparse_map, keyframe, frame, sampled.T_camera_map, points, settings)
         held = int(np.count_nonzero(points >= 0))
-        best = max(best, held)
-        if held >= settings.least_held:
-            return Relocalisation(
+        if held > best.num_held:
+            best = Relocalisation(
                 found=True, reason="", keyframe=keyframe, T_camera_map=T_camera_map, points=points, num_held=held
             )
-    return Relocalisation(found=False, reason=_why(tried, most_matched, best, settings), num_held=best)
+        if held >= settings.surely_held:
+            break
+    if best.num_held >= settings.least_held:
+        return best
+    why = _why(tried, most_matched, best.num_held, settings)
+    return Relocalisation(found=False, reason=why, num_held=best.num_held)
 
 
 def alike(sparse_map: SparseMap, frame: Frame, settings: RelocalisationSettings) -> list[int]:

@@ -17,8 +17,11 @@ from slamcli.orbslam3.depth_seen import DepthSeen
 from slamcli.orbslam3.disparity_offset import DisparityOffset
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
+from slamcli.orbslam3.keyframe_edges import keyframe_graph
+from slamcli.orbslam3.keyframe_views import keyframe_views, place_views
 from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.statistics import step_columns, tell_gaps, untracked_share
 from slamcli.orbslam3.upright import Upright, upright
 from slamcli.trajectory import Trajectory
 
@@ -50,21 +53,29 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     T_map_base = T_map_start @ se3.inverse(T_camera) @ se3.inverse(T_base_camera)
     living = sparse_map.living_keyframes
     alive = np.flatnonzero(sparse_map.point_alive)
+    T_keyframes = T_map_start @ se3.inverse(poses[living]) @ se3.inverse(T_base_camera)
+    steps = step_columns(stamps_ns, [frame.number for frame in tracked], session.steps)
+    tell_gaps(steps, len(session.tracked) - len(tracked), setup.log)
     points = sparse_map.positions[alive] @ T_map_start[:3, :3].T + T_map_start[:3, 3]
     return MappingResult(
         trajectory=_trajectory(np.array([stamps_ns[frame.number] for frame in tracked]), T_map_base, setup),
-        keyframes=_trajectory(
-            sparse_map.stamp_ns[living], T_map_start @ se3.inverse(poses[living]) @ se3.inverse(T_base_camera), setup
-        ),
+        keyframes=_trajectory(sparse_map.stamp_ns[living], T_keyframes, setup),
+        keyframe_graph=keyframe_graph(sparse_map, T_keyframes),
+        keyframe_views=keyframe_views(sparse_map),
+        place_views=place_views(sparse_map, _joins(session)),
+        steps=steps,
         cloud=PointCloud(
-            stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32)
+            stamp_ns=stamps_ns[tracked[0].number], frame_id=setup.map_frame, points_m=points.astype(np.float32),
+            colours=sparse_map.colours[alive],
         ),
         grid=seen.grid(placed, setup.map_frame),
         atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
-            "frames": len(stamps_ns), "tracked": len(tracked), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
+            **dict(sorted((f"{name} made" if name == "keyframes" else name, count) for name, count in session.counts.items())),
+            "frames": len(stamps_ns), "tracked": len(tracked), "lost": len(stamps_ns) - len(tracked),
+            "relocalised": session.counts["frames relocalised"], "loops closed": session.counts["loops closed"],
+            "untracked_share_of_time": untracked_share(steps), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **_disparity(session.disparity_offsets.get(chosen)),
-            **dict(sorted(session.counts.items())),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
             **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
         },
@@ -90,6 +101,12 @@ def _upright(
         seed=seed,
         known=sparse_map.T_world_map,
     )
+
+
+def _joins(session: Session) -> set[tuple[int, int]]:
+    """Return the stamps (older, newer) of the keyframes at which maps were joined."""
+    stamps = [(one.stamp_ns, one.other_stamp_ns) for one in session.closures if one.merged_map >= 0]
+    return {(min(pair), max(pair)) for pair in stamps}
 
 
 def _disparity(found: DisparityOffset | None) -> dict[str, float]:

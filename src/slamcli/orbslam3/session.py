@@ -41,6 +41,8 @@ _LEAST_HELD = 30
 """Points of the local map that must hold for a frame to count as tracked."""
 _SURELY_HELD = 100
 """With fewer, keyframes are tried besides the motion model, and what holds most points wins: batch work has the time."""
+_LEAST_SHARE = 0.07
+"""Of the points that should be seen at the pose of a frame that was lost, as many must be: about a quarter of the share at which points are culled."""
 _LEAST_WAITING = 5
 """Frames that are looked for in the map before another is begun."""
 _THOROUGH_EVERY = 5
@@ -169,7 +171,7 @@ class Session:
         kept = (frame.T_camera_map, frame.points, frame.reference)
         frame.T_camera_map, frame.points = found.T_camera_map, found.points.copy()
         track = track_local_map(self.maps[number], frame, self.settings.tracking)
-        if track.held < _LEAST_HELD:
+        if track.held < max(_LEAST_HELD, _LEAST_SHARE * len(track.visible)):
             frame.T_camera_map, frame.points, frame.reference = kept
             return 0
         self._activate(number)
@@ -321,6 +323,8 @@ class Session:
                 joined = before[closure.merged_map], before[newest]
                 self.inertial.join(*joined, self.map, closure.keyframe_offset)
             self._mapping.forget()
+        if self.inertial is not None and self.inertial.aligned(self.map):
+            self.inertial.finish(self.map)  # the correction was made by the cameras alone
 
     def _rescale(self, number: int, scale: float) -> None:
         """Keep up with a map whose lengths became `scale` times as long."""

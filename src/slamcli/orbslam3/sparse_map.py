@@ -14,6 +14,7 @@ from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.rows import Rows
 from slamcli.vision.features import Features
 from slamcli.vision.matching import FeatureGrid, feature_grid
+from slamcli.vision.pictures import Picture
 from slamcli.vision.pinhole import Pinhole
 
 Ids = NDArray[np.int64]
@@ -36,6 +37,8 @@ class SparseMap:
         self.grids: list[FeatureGrid] = []
         self.words: list[Any] = []
         """What place recognition keeps of each keyframe; None without a vocabulary."""
+        self.pictures: list[Picture | None] = []
+        """For people to look at."""
         self.counts: list[int] = []
         """Number of features of each keyframe."""
         self.loop_edges: list[tuple[int, int]] = []
@@ -128,6 +131,7 @@ class SparseMap:
         self.counts.append(len(features))
         self.grids.append(frame.grid)
         self.words.append(words)
+        self.pictures.append(frame.picture)
         return k
 
     def append(self, other: SparseMap) -> tuple[int, int]:
@@ -152,6 +156,7 @@ class SparseMap:
             rows.append(values)
         self.grids += other.grids
         self.words += other.words
+        self.pictures += other.pictures
         self.counts += other.counts
         self.loop_edges += [(a + keyframes, b + keyframes) for a, b in other.loop_edges]
         return keyframes, points
@@ -163,6 +168,7 @@ class SparseMap:
         for child in np.flatnonzero((self.parent == keyframe) & self.keyframe_alive):
             self.parent[child] = self._new_parent(int(child), keyframe, parent)
         self.seen[keyframe] = -1
+        self.pictures[keyframe] = None
         self.keyframe_alive[keyframe] = False
 
     def _new_parent(self, child: int, culled: int, grandparent: int) -> int:

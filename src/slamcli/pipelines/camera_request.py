@@ -29,7 +29,7 @@ def depth_unit(mends: Mends, config: NativeConfig) -> Mends:
     factor = as_dict(config.parameters).get(_DEPTH_FACTOR)
     if factor is None or mends.depth_units_per_m is not None:
         return mends
-    return dataclasses.replace(mends, depth_units_per_m=float(factor))
+    return dataclasses.replace(mends, settings_depth_units_per_m=float(factor))
 
 
 def check_no_cameras(names: CameraNames, files: Sequence[Path], tier: str) -> None:

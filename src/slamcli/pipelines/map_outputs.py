@@ -14,6 +14,7 @@ from slamcli.formats.atlas_files import write_atlas
 from slamcli.formats.clouds import Colour, write_cloud
 from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
 from slamcli.formats.g2o import graph_of_state, write_g2o
+from slamcli.formats.keyframe_graphs import g2o_of_keyframes, write_covisibility
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.pbstream.writing import write_state
@@ -39,7 +40,7 @@ class OutputChoices:
 
     map_mode: Mode = "trinary"
     cloud_format: CloudFormat = "ply"
-    cloud_colour: Colour = "height"
+    cloud_colour: Colour = "rgb"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +67,9 @@ def write_result(
         write_constraints(folder / "constraints.csv", result.state)
         write_state(folder / "state.pbstream", result.state)
         write_g2o(folder / "graph.g2o", graph_of_state(result.state))
+    if result.keyframe_graph is not None:
+        write_covisibility(folder / "covisibility.csv", result.keyframe_graph)
+        write_g2o(folder / "graph.g2o", g2o_of_keyframes(result.keyframe_graph))
     if result.loop_searches:
         write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
     if result.cloud is not None and choices.cloud_format != "none":
@@ -95,6 +99,7 @@ def write_records(
         run, map_image=written.map_image, steps=result.steps, trajectory=result.trajectory, truth=written.truth,
         errors=_errors(score), grid=result.grid, declared=declared,
         state=result.state, loop_searches=result.loop_searches, cloud=result.cloud,
+        keyframes=result.keyframe_graph, keyframe_views=result.keyframe_views, place_views=result.place_views,
     )  # fmt: skip
     (folder / "report.html").write_text(page, encoding="utf-8")
     document = {**run, "steps": step_columns(result.steps)}

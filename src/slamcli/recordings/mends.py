@@ -37,6 +37,9 @@ class Mends:
     """Mirror laser scans: beams run clockwise instead of counter-clockwise, or the other way round."""
     depth_units_per_m: float | None = None
     """Raw depth value of one metre (1000 for millimetres, 5000 for TUM RGB-D); None for what the encoding says."""
+    settings_depth_units_per_m: float | None = None
+    """The same by a tier's settings (ORB-SLAM's DepthMapFactor): for whole numbers alone, because depth in fractions is in
+    metres whatever the files were that it was made of. `depth_units_per_m` goes before it."""
     no_return: str = "ignore"
     shared: bool = False
     """Several recordings are read with these: what one of them does not need is no mistake."""

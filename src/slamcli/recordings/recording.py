@@ -48,9 +48,10 @@ def open_recording(
     log = log if log is not None else RunLog()
     listed = [Path(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
     mends = mends or Mends()
-    raw: RawReader | None = open_folder(listed, log, depth_units_per_m=mends.depth_units_per_m)
-    if raw is not None:
-        mends = replace(mends, depth_units_per_m=None)  # the folder's messages are in metres by it already
+    units = mends.depth_units_per_m or mends.settings_depth_units_per_m
+    raw: RawReader | None = open_folder(listed, log, depth_units_per_m=units)
+    if raw is not None:  # the folder's messages are in metres by it already
+        mends = replace(mends, depth_units_per_m=None, settings_depth_units_per_m=None)
     raw = raw or open_classic(listed, log) or open_raw(listed, log)
     recording = Recording(raw, mends=mends, log=log)
     try:

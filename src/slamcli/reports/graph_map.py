@@ -3,27 +3,17 @@
 
 from __future__ import annotations
 
-import base64
-from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.grids import OccupancyGrid
-from slamcli.reports import page
-from slamcli.reports.chart_frame import Frame, axes
-from slamcli.reports.figures import plane, raster
-from slamcli.reports.figures.map import map_layer
-from slamcli.reports.figures.plane import View
 from slamcli.reports.graph_arrays import GraphArrays
+from slamcli.reports.layers import Layer, Place, dots, ground, layered_drawing, polyline, thinned
 
-WIDTH = 960
-_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 8, 36
-_MAX_PIXELS = 1200
 _MOST_LINES = 6000
 _LABEL_WIDTH, _LABEL_HEIGHT, _LABELS_AT_ONE = 40, 16, 4
-_FADE = 0.4
 
 RESIDUAL_CLASSES = (
     (0.05, 0.5, "to 5 cm, 0.5°"),
@@ -32,17 +22,6 @@ RESIDUAL_CLASSES = (
     (np.inf, np.inf, "above"),
 )
 """Upper bounds in metres and degrees of the classes that loop constraints are coloured by, and their words."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Layer:
-    """What one switch shows and hides."""
-
-    label: str
-    markup: str
-    shown: bool = True
-    key: str = ""
-    """Class of the swatch beside the switch; empty for none."""
 
 
 def residual_classes(residuals_m: NDArray[np.float64], residuals_rad: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -60,14 +39,9 @@ def graph_map(graph: GraphArrays, grid: OccupancyGrid | None = None) -> str:
     the best-scored one of each pair of submaps is drawn. At most some thousand lines of a kind are drawn, the worst in any case.
     """
     points = np.concatenate([graph.positions_m[:, :2], graph.outlines_m.reshape(-1, 2)])
-    if grid is not None:
-        picture, view = map_layer(grid, points, _MAX_PIXELS)
-    else:
-        view = plane.fit_view(points, _MAX_PIXELS)
-        picture = np.full((0, 0, 3), 255, np.uint8)
-    place = _Place(view)
+    place, background = ground(grid, points)
     layers = [
-        _Layer("map", _background(picture, place)) if picture.size else None,
+        background,
         _outlines(graph, place),
         _local_slam(graph, place),
         _trajectories(graph, place, frozen=True),
@@ -76,34 +50,12 @@ def graph_map(graph: GraphArrays, grid: OccupancyGrid | None = None) -> str:
         _rejected(graph, place),
         _nodes(graph, place),
     ]
-    return _drawing([layer for layer in layers if layer is not None and layer.markup], place)
+    return layered_drawing(
+        [layer for layer in layers if layer is not None and layer.markup], place, "map with pose graph"
+    )
 
 
-class _Place:
-    """Metres to units of the drawing."""
-
-    def __init__(self, view: View) -> None:
-        span = view.span_m
-        plot = WIDTH - _LEFT - _RIGHT
-        self.height = _TOP + round(plot * span[1] / span[0]) + _BOTTOM
-        self.frame = Frame(
-            view.left_m, view.left_m + span[0], view.bottom_m, view.bottom_m + span[1],
-            _LEFT, _TOP, WIDTH - _RIGHT, self.height - _BOTTOM,
-        )  # fmt: skip
-
-    def __call__(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.column_stack([self.frame.x(points_m[:, 0]), self.frame.y(points_m[:, 1])])
-
-
-def _background(picture: NDArray[np.uint8], place: _Place) -> str:
-    faded = np.round(255 - (255 - picture.astype(np.float64)) * _FADE).astype(np.uint8)
-    data = base64.b64encode(raster.png(faded)).decode("ascii")
-    f = place.frame
-    box = f'x="{f.left}" y="{f.top}" width="{f.right - f.left}" height="{f.bottom - f.top}"'
-    return f'<image {box} preserveAspectRatio="none" href="data:image/png;base64,{data}"/>'
-
-
-def _outlines(graph: GraphArrays, place: _Place) -> _Layer:
+def _outlines(graph: GraphArrays, place: Place) -> Layer:
     parts = []
     known = np.flatnonzero(np.isfinite(graph.outlines_m).all(axis=(1, 2)))
     opacity = min(0.6, max(0.15, 8.0 / max(len(known), 1)))  # those of many lie over each other
@@ -117,10 +69,10 @@ def _outlines(graph: GraphArrays, place: _Place) -> _Layer:
         f'<text class="name" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="middle">{escape(words)}</text>'
         for x, y, words in _labels(graph, place, known)
     ]
-    return _Layer(f"submaps ({len(graph.submap_names):,})", "".join(parts), key="outline")
+    return Layer(f"submaps ({len(graph.submap_names):,})", "".join(parts), key="outline")
 
 
-def _labels(graph: GraphArrays, place: _Place, known: NDArray[np.int64]) -> list[tuple[float, float, str]]:
+def _labels(graph: GraphArrays, place: Place, known: NDArray[np.int64]) -> list[tuple[float, float, str]]:
     """Return places and words of the submaps' labels; those that would lie over each other become one."""
     groups: dict[tuple[int, int], list[int]] = {}
     at = place(graph.centres_m[known])
@@ -134,34 +86,34 @@ def _labels(graph: GraphArrays, place: _Place, known: NDArray[np.int64]) -> list
     return found
 
 
-def _trajectories(graph: GraphArrays, place: _Place, *, frozen: bool) -> _Layer:
+def _trajectories(graph: GraphArrays, place: Place, *, frozen: bool) -> Layer:
     chosen = [t for t in np.unique(graph.trajectories).tolist() if (t in graph.frozen) == frozen]
     parts = [
-        f'<path class="track {"alone" if frozen else f"t{t % 4}"}" d="{_polyline(_thinned(place(graph.positions_m[graph.trajectories == t, :2])))}"/>'
+        f'<path class="track {"alone" if frozen else f"t{t % 4}"}" d="{polyline(thinned(place(graph.positions_m[graph.trajectories == t, :2])))}"/>'
         for t in chosen
     ]
     word = "frozen trajector" if frozen else "trajector"
     label = f"{word}y" if len(parts) == 1 else f"{word}ies ({len(parts)})"
-    return _Layer(label, "".join(parts), key="track alone" if frozen else f"track t{chosen[0] % 4}" if chosen else "")
+    return Layer(label, "".join(parts), key="track alone" if frozen else f"track t{chosen[0] % 4}" if chosen else "")
 
 
-def _local_slam(graph: GraphArrays, place: _Place) -> _Layer:
+def _local_slam(graph: GraphArrays, place: Place) -> Layer:
     paths = [
-        _polyline(_thinned(place(graph.local_positions_m[graph.trajectories == trajectory, :2])))
+        polyline(thinned(place(graph.local_positions_m[graph.trajectories == trajectory, :2])))
         for trajectory in np.unique(graph.trajectories)
     ]
     markup = f'<path class="alone" d="{"".join(paths)}"/>' if paths else ""
-    return _Layer("by local SLAM alone", markup, shown=False, key="alone")
+    return Layer("by local SLAM alone", markup, shown=False, key="alone")
 
 
-def _nodes(graph: GraphArrays, place: _Place) -> _Layer:
-    at = _thinned(place(graph.positions_m[:, :2]))
-    return _Layer(
-        f"nodes ({len(graph.stamps_ns):,})", f'<path class="nodes" d="{_dots(at)}"/>' if len(at) else "", key="nodes"
+def _nodes(graph: GraphArrays, place: Place) -> Layer:
+    at = thinned(place(graph.positions_m[:, :2]))
+    return Layer(
+        f"nodes ({len(graph.stamps_ns):,})", f'<path class="nodes" d="{dots(at)}"/>' if len(at) else "", key="nodes"
     )
 
 
-def _closures(graph: GraphArrays, place: _Place) -> list[_Layer]:
+def _closures(graph: GraphArrays, place: Place) -> list[Layer]:
     """Return one layer per class of residual, the worst last and so on top."""
     drawn = graph.inter & (graph.constraint_nodes >= 0) & (graph.constraint_submaps >= 0)
     classes = residual_classes(graph.residuals_m, graph.residuals_rad)
@@ -173,7 +125,7 @@ def _closures(graph: GraphArrays, place: _Place) -> list[_Layer]:
             # Hundreds of good ones must not hide the map; bad ones stay as they are.
             opacity = min(0.75, max(0.3, 120.0 / len(its))) if i < len(RESIDUAL_CLASSES) - 1 else 0.9
             layers.append(
-                _Layer(
+                Layer(
                     f"loop constraints {words} ({len(its):,})",
                     f'<path class="loop r{i}" stroke-opacity="{opacity:.2f}" d="{lines}"/>',
                     key=f"loop r{i}",
@@ -182,7 +134,7 @@ def _closures(graph: GraphArrays, place: _Place) -> list[_Layer]:
     return layers
 
 
-def _rejected(graph: GraphArrays, place: _Place) -> _Layer:
+def _rejected(graph: GraphArrays, place: Place) -> Layer:
     its = np.flatnonzero(~graph.accepted & (graph.search_nodes >= 0) & (graph.search_submaps >= 0))
     owners = graph.owners[graph.search_nodes[its]]
     order = its[np.lexsort((its, -graph.scores[its], graph.search_submaps[its], owners))]
@@ -192,43 +144,10 @@ def _rejected(graph: GraphArrays, place: _Place) -> _Layer:
     best = order[first]
     lines = _lines(graph, place, graph.search_nodes[best], graph.search_submaps[best])
     label = f"rejected searches ({len(its):,}; the best of each pair of submaps)"
-    return _Layer(label, f'<path class="rejected" d="{lines}"/>' if len(best) else "", shown=False, key="rejected")
+    return Layer(label, f'<path class="rejected" d="{lines}"/>' if len(best) else "", shown=False, key="rejected")
 
 
-def _lines(graph: GraphArrays, place: _Place, nodes: NDArray[np.int64], submaps: NDArray[np.int64]) -> str:
+def _lines(graph: GraphArrays, place: Place, nodes: NDArray[np.int64], submaps: NDArray[np.int64]) -> str:
     every = max(1, -(-len(nodes) // _MOST_LINES))
     ends = np.column_stack([place(graph.positions_m[nodes[::every], :2]), place(graph.centres_m[submaps[::every]])])
     return "".join(f"M{a:.0f} {b:.0f}L{c:.0f} {d:.0f}" for a, b, c, d in np.unique(np.round(ends), axis=0))
-
-
-def _thinned(at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points that differ from the one before them on the drawing."""
-    at = np.round(at, 1)
-    keep = np.ones(len(at), dtype=bool)
-    keep[1:] = np.abs(np.diff(at, axis=0)).max(axis=1, initial=0.0) >= 0.5
-    return at[keep]
-
-
-def _polyline(at: NDArray[np.float64]) -> str:
-    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in at) if len(at) else ""
-
-
-def _dots(at: NDArray[np.float64]) -> str:
-    return "".join(f"M{x:.1f} {y:.1f}h0" for x, y in at)
-
-
-def _drawing(layers: list[_Layer], place: _Place) -> str:
-    switches = [
-        (
-            layer.label,
-            layer.shown,
-            f'<svg class="key" viewBox="0 0 22 10"><path class="{layer.key}" d="M2 5h18"/></svg>' if layer.key else "",
-        )
-        for layer in layers
-    ]
-    groups = "".join(f'<g class="l{i}">{layer.markup}</g>' for i, layer in enumerate(layers))
-    drawn = (
-        f'<svg class="graph" viewBox="0 0 {WIDTH} {place.height}" role="img" aria-label="map with pose graph">'
-        f"{axes(place.frame, 'x in m', 'y in m', equal=True)}{groups}</svg>"
-    )
-    return page.layered(switches, page.zoomable(drawn))

@@ -16,10 +16,13 @@ from slamcli.grids import OccupancyGrid
 from slamcli.measurements import PointCloud
 from slamcli.parameters import Declaration
 from slamcli.posegraph import LoopSearch, MapState
+from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.reports import page, scales, step_charts, svg
 from slamcli.reports.cloud_section import cloud_figures
 from slamcli.reports.graph_section import graph_sections
+from slamcli.reports.keyframe_section import keyframe_sections
 from slamcli.trajectory import Trajectory
+from slamcli.vision.pictures import KeyframeView, PlaceView
 
 _NO_STAGE = ("total_s", "realtime_factor", "recording_s", "jobs")
 
@@ -37,6 +40,9 @@ def report(
     state: MapState | None = None,
     loop_searches: Sequence[LoopSearch] = (),
     cloud: PointCloud | None = None,
+    keyframes: KeyframeGraph | None = None,
+    keyframe_views: Sequence[KeyframeView] = (),
+    place_views: Sequence[PlaceView] = (),
 ) -> str:
     """Return the report as HTML; the same input gives the same text.
 
@@ -63,6 +69,8 @@ def report(
         The pose graph that the run ended with, and every search for a loop closure.
     cloud
         The mapped points in the map frame.
+    keyframes, keyframe_views, place_views
+        Of a system that sees: the graph of its keyframes, some of them as pictures, and both sides of loops.
     """
     name = _input_name(run)
     title = f"{name} · {run.get('algo', 'slamcli')}"
@@ -77,6 +85,7 @@ def report(
             page.section("Map", _map(map_image)),
             page.section("Points", *cloud_figures(cloud, trajectory)),
             *graph_sections(state, loop_searches, run, grid, trajectory),
+            *keyframe_sections(keyframes, keyframe_views, place_views, grid, trajectory),
             page.section("Error against ground truth", *_errors(errors, began_ns), _overlay(trajectory, truth)),
             page.section("Steps", *step_charts.figures(steps or {}, began_ns)),
             page.section("Time per stage", _timing(run.get("timing") or {})),

@@ -42,6 +42,9 @@ path.nodes{stroke:#1d2129;stroke-width:calc(2.6px/var(--k,1))}path.outline{strok
 path.loop{stroke-width:calc(1.2px/var(--k,1))}.r0{stroke:#56b4e9}.r1{stroke:#0072b2}.r2{stroke:#e69f00}.r3{stroke:#d55e00}path.loop.r3{stroke-width:calc(2px/var(--k,1))}
 path.rejected{stroke:#cc79a7;stroke-opacity:.7;stroke-width:calc(1px/var(--k,1));stroke-dasharray:2 3}
 .thumbs{display:grid;grid-template-columns:repeat(auto-fill,minmax(8.5rem,1fr));gap:.6rem}.thumbs div{font-size:.8rem;color:var(--soft)}.thumbs img{width:100%;height:8rem;object-fit:contain;background:#d0d6de;border-radius:6px;image-rendering:pixelated;display:block}
+path.keyframes{stroke:#7a3e9d;stroke-width:calc(5px/var(--k,1))}path.shared{stroke:#009e73;stroke-opacity:.3;stroke-width:calc(.8px/var(--k,1))}.thumbs.shots{grid-template-columns:repeat(auto-fill,minmax(13rem,1fr))}
+.shot{border-radius:6px;background:#fff}.shot path{fill:none;stroke-linecap:round}.shot .rim{stroke:#000;stroke-opacity:.55;stroke-width:3.2}.shot .point{stroke:#5dff8f;stroke-width:1.9}
+.shot .match{stroke-width:.7;stroke-opacity:.85}.match.k0{stroke:#56b4e9}.match.k1{stroke:#e69f00}.match.k2{stroke:#35c79b}.match.k3{stroke:#f0e442}.match.k4{stroke:#ff8a47}.match.k5{stroke:#e19bc4}
 .views img{display:block;max-width:100%;max-height:90vh;margin:auto}
 """
 

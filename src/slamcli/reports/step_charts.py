@@ -75,6 +75,18 @@ _KNOWN = {
     "log_likelihood": _Known(
         "Log-likelihood of the best particle", "", "Of this step's scan.", from_zero=False, empty_first=True
     ),
+    "points_held": _Known(
+        "Points tracked in each frame",
+        "points",
+        "How many points of the map agree with each frame's pose. Where they come near 30 the track is about to be lost; ticks are frames without a pose.",
+        marks="untracked",
+    ),
+    "keyframes": _Known(
+        "Keyframes of the map",
+        "keyframes",
+        "It falls where keyframes that show nothing of their own are taken out, and where another map is begun.",
+    ),
+    "map_points": _Known("Points of the map", "points", "Those of the map that is being built."),
     "fallbacks": _Known(
         "Failed matches",
         "particles",
@@ -86,8 +98,8 @@ _KNOWN = {
         "How far the matched motion lies from what the wheels told, in standard deviations of the motion model; peaks are slip, bumps, or clocks that do not agree.",
     ),
 }
-_BESIDE = {"num_particles": "number of particles", "resampled": "resampling"}
-_HIDDEN = ("stamp_ns", "resampled", "num_particles", "inserted", "node")
+_BESIDE = {"num_particles": "number of particles", "resampled": "resampling", "untracked": "frame without a pose"}
+_HIDDEN = ("stamp_ns", "resampled", "num_particles", "inserted", "node", "tracked", "untracked")
 
 
 def figures(steps: Mapping[str, NDArray[Any]], began_ns: int | None = None) -> list[str]:
@@ -104,6 +116,8 @@ def figures(steps: Mapping[str, NDArray[Any]], began_ns: int | None = None) -> l
     if stamps is None or len(stamps) == 0:
         return []
     x, x_label = time_axis(stamps, began_ns)
+    if "tracked" in steps:
+        steps = {**steps, "untracked": np.asarray(steps["tracked"]) == 0}
     names = [n for n in _KNOWN if n in steps] + [n for n in steps if n not in _KNOWN]
     found, constant = [_totals(steps)], []
     for name in names:
@@ -141,6 +155,8 @@ def time_axis(stamps_ns: NDArray[Any], began_ns: int | None = None) -> tuple[NDA
 def _totals(steps: Mapping[str, NDArray[Any]]) -> str:
     """Return one line that sums up the events."""
     parts = [_counted(len(steps["stamp_ns"]), "step")]
+    if "tracked" in steps:
+        parts.append(_counted(int(np.count_nonzero(np.asarray(steps["tracked"]) == 0)), "frame") + " without a pose")
     if "resampled" in steps:
         parts.append(_counted(int(np.count_nonzero(steps["resampled"])), "resampling"))
     if "fallbacks" in steps:

@@ -109,7 +109,8 @@ def extract_orb(grey: Grey, settings: OrbSettings | None = None, mask: NDArray[A
         raise DataError(f"ORB: the image is {grey.dtype} {grey.shape}, not uint8 (H, W)")
     if mask is not None and mask.shape != grey.shape:
         raise DataError(f"ORB: the mask is {mask.shape}, the image {grey.shape}")
-    pyramid = image_pyramid(np.ascontiguousarray(grey), settings)
+    # Writable: for numba, arrays that are not are of another type, to be compiled for anew.
+    pyramid = image_pyramid(np.require(grey, requirements=["C", "W"]), settings)
     found = [_level_corners(image, settings, _masked(mask, image)) for image in pyramid]
     quotas = _quotas([len(corners.columns) for corners, _ in found], settings)
     levels = [

@@ -135,7 +135,7 @@ class RgbdParameters:
     """``RGBD``."""
 
     depth_map_factor: float | None = parameter(
-        None, "raw depth units per metre, as --depth-scale: 1000 for millimetres, 5000 for TUM RGB-D; default: by encoding",
+        None, "raw units per metre of depth in whole numbers: 1000 for millimetres, 5000 for TUM RGB-D; 32FC1 stays in metres",
         name="DepthMapFactor", kind=float, unit="1/m", minimum=1e-6, maximum=1e9,
     )  # fmt: skip
 

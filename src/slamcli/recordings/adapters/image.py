@@ -76,11 +76,18 @@ def _pixels(message: Any, dtype: np.dtype, channels: int) -> NDArray[Any]:
 def to_metres(pixels: NDArray[Any], context: DecodeContext) -> NDArray[np.float32]:
     """Return depth in metres, float32 (H, W): whole numbers are millimetres, fractions metres (REP 118).
 
-    The mends' units per metre go before both.
+    The mends' units per metre go before both, those of settings before millimetres.
     """
     units = context.mends.depth_units_per_m
     if units is None:
-        units = MILLIMETRES_PER_M if np.issubdtype(pixels.dtype, np.integer) else 1.0
+        by_settings = context.mends.settings_depth_units_per_m
+        whole = np.issubdtype(pixels.dtype, np.integer)
+        units = (by_settings or MILLIMETRES_PER_M) if whole else 1.0
+        if not whole and by_settings not in (None, 1.0):
+            context.log.note(
+                f"{context.topic}: depth is in metres (32FC1) already: DepthMapFactor {by_settings:g} is for whole numbers and "
+                "not applied; --depth-scale is applied to either"
+            )
     depth = pixels.astype(np.float32)
     if units != 1.0:
         depth /= np.float32(units)

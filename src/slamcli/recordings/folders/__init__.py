@@ -55,9 +55,8 @@ def open_folder(paths: Sequence[Path], log: RunLog, *, depth_units_per_m: float 
     layout, root = found
     if len(paths) > 1:
         raise RecordingError(f"{root}: a data-set folder cannot be joined with other recordings; give one")
-    damage = Damage(log)
-    folder = layout.read(root, Reading(log=log, damage=damage, depth_units_per_m=depth_units_per_m))
-    return FolderReader(folder, layout.name, damage)
+    reading = Reading(log=log, damage=Damage(log), depth_units_per_m=depth_units_per_m)
+    return FolderReader(layout.read(root, reading), layout.name, reading)
 
 
 def _holds_other(path: Path) -> bool:

@@ -63,14 +63,17 @@ def _counts_frames(path: Path) -> bool:
 
 def _read(root: Path, reading: Reading) -> DataFolder:
     colour, depth = (_images(root / kind, reading) for kind in ("rgb", "depth"))
-    reading.log.note(
-        "calibration: the one that ICL-NUIM publishes is taken (fx 481.2, cx 319.5, cy 239.5); its negative fy, a left-handed "
-        "world, is read as fy 480 with the true poses mirrored; --camera-info gives another"
+    reading.remark(
+        "calibration: the one that ICL-NUIM publishes is taken (fx 481.2, fy 480, cx 319.5, cy 239.5); --camera-info (map: --camera) gives another"
     )
     streams = rgbd_streams(colour, depth, pinhole(FRAME, colour.size(), _CAMERA), UNITS_PER_M, reading)
     path = _truth_file(root)
     truth = None if path is None else read_truth(path, lambda file: trajectories.read_tum(file, unit="s"), reading)
     if truth is not None:
+        reading.log.note(
+            "ICL-NUIM's world is left-handed (it names fy -480): the true poses are mirrored at the plane of x and z, as the "
+            "upright images are"
+        )
         # The first column was read as seconds: it counts frames.
         stamps = np.round(truth.stamps_ns / RATE_HZ).astype(np.int64)
         streams.append(truth_stream(stamps, mirrored(truth)))

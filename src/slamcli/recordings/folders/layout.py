@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from slamcli.recordings.containers.damage import Damage
@@ -24,6 +24,12 @@ class Reading:
     """Takes what is missing or broken, one line each."""
     depth_units_per_m: float | None = None
     """Value of one metre in depth images; None for the data set's own."""
+    remarks: list[tuple[str, bool]] = field(default_factory=list)
+    """What is to be said of the calibration once somebody reads it, and whether it is doubtful (a warning)."""
+
+    def remark(self, text: str, *, doubtful: bool = False) -> None:
+        """Keep a remark on the calibration: who has another one, or wants the poses alone, need not hear it."""
+        self.remarks.append((text, doubtful))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

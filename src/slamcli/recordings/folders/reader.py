@@ -14,8 +14,8 @@ from slamcli.errors import RecordingError
 from slamcli.recordings.adapters import message_factory
 from slamcli.recordings.adapters.tf_message import is_static_topic
 from slamcli.recordings.containers.damage import Damage
-from slamcli.recordings.folders.layout import DataFolder
-from slamcli.recordings.folders.streams import Stream
+from slamcli.recordings.folders.layout import DataFolder, Reading
+from slamcli.recordings.folders.streams import CameraInfos, Stream
 from slamcli.recordings.imu_noise import NOISE_SUFFIX
 from slamcli.recordings.raw import Contents, RawMessage, Topic
 
@@ -32,8 +32,10 @@ class FolderReader:
     state besides the list of files that turned out unreadable, so that several threads may read. Log times are stamps.
     """
 
-    def __init__(self, folder: DataFolder, layout: str, damage: Damage) -> None:
+    def __init__(self, folder: DataFolder, layout: str, reading: Reading) -> None:
+        damage = reading.damage
         self._folder = folder
+        self._reading = reading
         usable = [(stream, _in_range(stream, damage)) for stream in folder.streams]
         usable = [(stream, rows) for stream, rows in usable if len(rows)]
         if not usable:
@@ -84,6 +86,7 @@ class FolderReader:
         self, topics: Collection[str] | None = None, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[RawMessage]:
         """Yield messages in the order of their stamps, from `start_ns` to before `stop_ns`."""
+        self._tell_remarks(topics)
         first = 0 if start_ns is None else int(np.searchsorted(self._stamps, start_ns))
         last = len(self._stamps) if stop_ns is None else int(np.searchsorted(self._stamps, stop_ns))
         wanted = np.array([topics is None or topic.name in topics for topic in self._topics])
@@ -100,6 +103,14 @@ class FolderReader:
                     continue
                 data = self._factory.serialise(message, topic.msgtype)
                 yield RawMessage(topic.name, stamp_ns, data, channel, index)
+
+    def _tell_remarks(self, topics: Collection[str] | None) -> None:
+        """Say where the calibration comes from, if it is among what is read."""
+        infos = (topic.name for topic in self._topics if topic.msgtype == CameraInfos.msgtype)
+        if not any(topics is None or name in topics for name in infos):
+            return
+        for text, doubtful in self._reading.remarks:
+            (self._reading.log.warn if doubtful else self._reading.log.note)(text)
 
     def extras(self) -> Iterator[Any]:
         """Yield nothing: folders have no attachments."""

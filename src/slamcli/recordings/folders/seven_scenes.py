@@ -75,8 +75,8 @@ def _camera(root: Path, size: tuple[int, int], reading: Reading) -> CameraModel:
         except (OSError, ValueError):
             pass
         reading.damage.add(f"{path}: no 3 x 3 matrix of a camera; the data set's nominal one is taken instead")
-    reading.log.note(
-        "calibration: the nominal one of 7-Scenes is taken (fx = fy = 585, cx 320, cy 240); --camera-info gives another"
+    reading.remark(
+        "calibration: the nominal one of 7-Scenes is taken (fx = fy = 585, cx 320, cy 240); --camera-info (map: --camera) gives another"
     )
     return pinhole(FRAME, size, _NOMINAL)
 

@@ -81,17 +81,18 @@ def _camera(root: Path, size: tuple[int, int], reading: Reading) -> CameraModel 
     for name in (resolved.name, resolved.parent.name):
         number = re.search(r"(?:freiburg|(?<![a-z])fr)([123])(?![0-9])", name.lower())
         if number:
-            reading.log.note(
+            reading.remark(
                 f"calibration: the one that TUM RGB-D publishes for freiburg{number[1]}, which {name} names, is taken; "
-                "--camera-info gives another"
+                "--camera-info (map: --camera) gives another"
             )
             return pinhole(FRAME, size, *_PUBLISHED[number[1]])
     if size != _NOMINAL_SIZE:
         reading.log.warn(f"{root}: no calibration in the folder, and its name tells no camera: give --camera-info")
         return None
-    reading.log.warn(
+    reading.remark(
         f"{root}: no calibration in the folder, and its name tells no camera: the nominal one of a Kinect is taken "
-        "(fx = fy = 525, cx 319.5, cy 239.5); --camera-info gives another"
+        "(fx = fy = 525, cx 319.5, cy 239.5); --camera-info (map: --camera) gives another",
+        doubtful=True,
     )
     return pinhole(FRAME, size, _NOMINAL)
 

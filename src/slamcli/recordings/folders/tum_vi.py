@@ -67,7 +67,7 @@ def _dso_camera(path: Path, reading: Reading) -> CameraModel | None:
         return None
     if cx < 1 and cy < 1:
         fx, fy, cx, cy = fx * width, fy * height, cx * width - 0.5, cy * height - 0.5
-    reading.log.note(
+    reading.remark(
         f"calibration: {path.parent.name} is that of DSO's camera.txt, which does not say where it sits (--camera)"
     )
     return pinhole(path.parent.name, (width, height), (fx, fy, cx, cy), coefficients, "equidistant")
