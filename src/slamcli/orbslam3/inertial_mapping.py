@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.inertial_bundles import adjust_all_inertially, adjust_local_inertially
-from slamcli.orbslam3.inertial_start import align_map
+from slamcli.orbslam3.inertial_start import align_map, set_clock
 from slamcli.orbslam3.inertial_state import Imu, MapInertia
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.posegraph.imu_preintegration import InertialState, predict, preintegrate
@@ -75,6 +75,11 @@ class InertialMapping:
         elif inertia.gravity_map is None:
             rest = "" if self.imu.fixed_scale else ", and its metre is unknown"
             out.append(f"the IMU was not used, {inertia.objection}: the map is what the cameras see alone{rest}")
+        if self.imu.buffer.offset_ns:
+            ahead = self.imu.buffer.offset_ns * 1e-6
+            out.append(
+                f"the IMU's clock is {abs(ahead):.1f} ms {'ahead of' if ahead > 0 else 'behind'} the camera's, by how both turn: put right"
+            )
         lost = counts.repeated + counts.late + counts.not_finite
         if lost:
             out.append(
@@ -159,6 +164,7 @@ class InertialMapping:
         seconds = (int(sparse_map.stamp_ns[keyframe]) - inertia.began_ns) * 1e-9
         if inertia.adjusted < len(_ADJUSTED_S) and seconds >= _ADJUSTED_S[inertia.adjusted]:
             inertia.adjusted += 1
+            set_clock(sparse_map, self.imu)
             inertia.complete(sparse_map, sparse_map.living_keyframes, self.imu)
             adjust_all_inertially(sparse_map, inertia, self.imu, rounds=(5, 10))
         return 1.0
