@@ -89,6 +89,10 @@ class SlamcliParameters:
         extension=True,
     )
     equalise: bool = parameter(False, "equalise local contrast (CLAHE) before key points are found", extension=True)
+    depth_weight: float = parameter(
+        3.0, "how much better than to a pixel of the virtual baseline a depth sensor's measurements are known (RGB-D; the original: 1)",
+        minimum=0.1, maximum=30.0, extension=True,
+    )  # fmt: skip
     virtual_baseline: float = parameter(
         0.08, "virtual baseline of RGB-D, where Camera.bf and Stereo.b are not given", unit="m", minimum=1e-3, maximum=10.0,
         extension=True,
