@@ -62,7 +62,7 @@ def test_a_blind_second_is_bridged():
     T = np.array([np.linalg.inv(f.T_frame_reference @ poses[f.reference]) for f in session.tracked])
     moved = T[60:76, :3, 3] - T[0, :3, 3]
     true = (truth[60:76, :3, 3] - truth[0, :3, 3]) @ turn
-    assert np.linalg.norm(moved - true, axis=1).max() < 0.06
+    assert np.linalg.norm(moved - true, axis=1).max() < 0.02
 
 
 @pytest.mark.parametrize("stereo", [True, False])

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.orbslam3.frame import Frame
+from slamcli.orbslam3.frame_track import TrackedFrame
 from slamcli.orbslam3.inertial_bundles import adjust_all_inertially, adjust_local_inertially
+from slamcli.orbslam3.inertial_frames import carried_frames
 from slamcli.orbslam3.inertial_start import align_map, set_clock
 from slamcli.orbslam3.inertial_state import Imu, MapInertia
 from slamcli.orbslam3.sparse_map import SparseMap
@@ -181,6 +183,10 @@ class InertialMapping:
         inertia.complete(sparse_map, sparse_map.living_keyframes, self.imu)
         adjust_all_inertially(sparse_map, inertia, self.imu)
         return scale
+
+    def carried(self, frames: list[TrackedFrame], number: int, sparse_map: SparseMap) -> list[TrackedFrame]:
+        """Return all frames, those of map `number` that only the IMU posed at where it says now (see `carried_frames`)."""
+        return carried_frames(frames, number, sparse_map, self.of(sparse_map), self.imu)
 
     def _begin_state(self, sparse_map: SparseMap, keyframe: int) -> None:
         """Give a new keyframe the velocity that its predecessor and the samples in between say, and its biases."""
