@@ -13,6 +13,10 @@ from numpy.typing import NDArray
 
 _TRUNCATION = 4.0
 """Voxels in front of and behind a surface in which its distance is kept."""
+_BLOCK, _FIRST_BLOCKS = 8, 4000
+"""Voxels along the edge of a block (10 kB each), and blocks that there is room for at first; it grows."""
+_LEAST_WEIGHT = 0.5
+"""Views in which a voxel must have been seen: more than this."""
 
 
 class Mesh(NamedTuple):
@@ -43,28 +47,45 @@ class DepthFusion:
         import open3d
 
         self._open3d: Any = open3d
-        self._range, self._intrinsics = range_m, intrinsics
-        self._volume: Any = open3d.pipelines.integration.ScalableTSDFVolume(
-            voxel_length=voxel_m,
-            sdf_trunc=_TRUNCATION * voxel_m,
-            color_type=open3d.pipelines.integration.TSDFVolumeColorType.RGB8,
-        )
+        self._range, self._is_empty = range_m, True
+        fx, fy, cx, cy = intrinsics
+        self._matrix: Any = open3d.core.Tensor(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]))
+        real = open3d.core.float32
+        self._blocks: Any = open3d.t.geometry.VoxelBlockGrid(
+            ("tsdf", "weight", "color"), (real, real, real), ((1), (1), (3)), voxel_m, _BLOCK, _FIRST_BLOCKS, open3d.core.Device("CPU:0"),
+        )  # fmt: skip
 
     def add(self, depth_m: NDArray[np.float32], colour: NDArray[np.uint8], T_camera_map: NDArray[np.float64]) -> None:
         """Take a depth image (H, W), 0 where unknown, with its colours (H, W, 3) from where the camera was."""
         o3d = self._open3d
-        height, width = depth_m.shape
-        pair = o3d.geometry.RGBDImage.create_from_color_and_depth(
-            o3d.geometry.Image(np.ascontiguousarray(colour)), o3d.geometry.Image(np.ascontiguousarray(depth_m)),
-            depth_scale=1.0, depth_trunc=self._range, convert_rgb_to_intensity=False,
-        )  # fmt: skip
-        self._volume.integrate(pair, o3d.camera.PinholeCameraIntrinsic(width, height, *self._intrinsics), T_camera_map)
+        depth = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(depth_m, dtype=np.float32)))
+        seen = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(colour, dtype=np.float32) / np.float32(255)))
+        if not ((depth_m > 0) & (depth_m <= self._range)).any():
+            return
+        pose = o3d.core.Tensor(np.ascontiguousarray(T_camera_map, dtype=np.float64))
+        near = self._blocks.compute_unique_block_coordinates(depth, self._matrix, pose, 1.0, self._range, _TRUNCATION)
+        self._blocks.integrate(near, depth, seen, self._matrix, pose, 1.0, self._range, _TRUNCATION)
+        self._is_empty = False
 
     def mesh(self) -> Mesh:
-        """Return the surface as it is now; empty where nothing was seen."""
-        found = self._volume.extract_triangle_mesh()
+        """Return the surface as it is now; empty where nothing was seen. Its order does not depend on threads."""
+        if self._is_empty:
+            return Mesh(np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8), np.empty((0, 3), np.int32))
+        found = self._blocks.extract_triangle_mesh(weight_threshold=_LEAST_WEIGHT)
+        vertices = found.vertex.positions.numpy().reshape(-1, 3)
+        triangles = found.triangle.indices.numpy().reshape(-1, 3) if len(vertices) else np.empty((0, 3), np.int64)
+        colours = found.vertex.colors.numpy().reshape(-1, 3) if len(vertices) else np.empty((0, 3))
+        order = np.lexsort(vertices.T[::-1])
+        place = np.empty(len(order), dtype=np.int32)
+        place[order] = np.arange(len(order), dtype=np.int32)
         return Mesh(
-            vertices=np.asarray(found.vertices, dtype=np.float32).reshape(-1, 3),
-            colours=np.rint(255 * np.clip(np.asarray(found.vertex_colors), 0, 1)).astype(np.uint8).reshape(-1, 3),
-            triangles=np.asarray(found.triangles, dtype=np.int32).reshape(-1, 3),
+            vertices=vertices[order].astype(np.float32),
+            colours=np.rint(np.clip(255 * colours[order], 0, 255)).astype(np.uint8),
+            triangles=_in_order(place[triangles]),
         )
+
+
+def _in_order(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return triangles (F, 3) sorted, each turned so that its smallest corner stands first."""
+    turned = triangles[np.arange(len(triangles))[:, None], (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3]
+    return turned[np.lexsort(turned.T[::-1])]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-_MOST_PENDING = 2_000_000
+_MOST_PENDING = 400_000
 """Points that wait to be thinned: bounds memory."""
 _BITS = 21
 _HALF = 1 << (_BITS - 1)
