@@ -70,6 +70,10 @@ def test_mapping_goes_on_with_words_of_the_recording(desk, tmp_path):
         (["--vocabulary", "{text}"], "no vocabulary"),
         (["--load-atlas", "{desk}", "--set", "ORBextractor.nLevels=6"], "nLevels 8 and scaleFactor 1.2, here 6"),
         (["--load-atlas", "{desk}", "--mode", "mono"], "the atlas was made with another camera"),
+        (
+            ["--load-atlas", "{desk}", "--mode", "rgbd-inertial", "--set", "IMU.NoiseGyro=1e-3"],
+            "not go on mapping there: take --mode rgbd",
+        ),
     ],
 )
 def test_what_does_not_fit_is_one_line_and_writes_nothing(desk, tmp_path, capsys, arguments, message):

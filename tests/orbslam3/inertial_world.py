@@ -63,8 +63,13 @@ def settings(stereo, **more):
     )  # fmt: skip
 
 
-def travel(seconds, *, stereo, inertial=True, still=False, blind=(0.0, 0.0), seed=0, **more):
-    """A session at its end, with the true poses of all frames (N, 4, 4)."""
+def travel(
+    seconds, *, stereo, inertial=True, still=False, blind=(0.0, 0.0), clock_s=0.0, factors=(1.0, 1.0), seed=0, **more
+):
+    """A session at its end, with the true poses of all frames (N, 4, 4).
+
+    The IMU's clock is ahead by `clock_s`, and its rates and forces come `factors` times as large.
+    """
     world = World(stereo=stereo, focal_error=0.0, count=2000, seed=seed)
     imu = Imu(T_camera_imu=T_CAMERA_IMU, given_noise=NOISE, fixed_scale=stereo) if inertial else None
     session, rng, truth, fed = (
@@ -76,7 +81,7 @@ def travel(seconds, *, stereo, inertial=True, still=False, blind=(0.0, 0.0), see
     for number in range(round(seconds * RATE_HZ)):
         t = number / RATE_HZ
         while imu is not None and (fed - 1) / IMU_HZ <= t:
-            values = reading(fed / IMU_HZ, rng, still=still)
+            values = reading(fed / IMU_HZ - clock_s, rng, still=still) * np.repeat(factors, 3)
             imu.buffer.add(
                 ImuSample(
                     stamp_ns=round(fed / IMU_HZ * 1e9), frame_id="imu", angular_rad_s=values[:3],

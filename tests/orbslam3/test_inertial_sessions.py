@@ -62,7 +62,7 @@ def test_a_blind_second_is_bridged():
     T = np.array([np.linalg.inv(f.T_frame_reference @ poses[f.reference]) for f in session.tracked])
     moved = T[60:76, :3, 3] - T[0, :3, 3]
     true = (truth[60:76, :3, 3] - truth[0, :3, 3]) @ turn
-    assert np.linalg.norm(moved - true, axis=1).max() < 0.06
+    assert np.linalg.norm(moved - true, axis=1).max() < 0.02
 
 
 @pytest.mark.parametrize("stereo", [True, False])
@@ -86,3 +86,21 @@ def test_lengths_of_a_map_are_changed_together():
     np.testing.assert_allclose(sparse_map.centres, 2.5 * before[0])
     np.testing.assert_allclose(sparse_map.positions[alive], 2.5 * before[1])
     np.testing.assert_allclose(sparse_map.far[alive], 2.5 * before[2])
+
+
+@pytest.mark.parametrize("clock_s", [0.02, -0.03])
+def test_a_clock_that_is_off_is_put_right(clock_s):
+    session, truth = travel(4.0, stereo=True, clock_s=clock_s)
+    assert session.inertial.imu.buffer.offset_ns * 1e-9 == pytest.approx(clock_s, abs=0.004)
+    errors, scale, _ = position_errors(session, truth)
+    assert scale == pytest.approx(1.0, abs=0.006)
+    assert np.sqrt((errors**2).mean()) < 0.006
+    which = "ahead of" if clock_s > 0 else "behind"
+    assert f"ms {which} the camera's" in session.inertial.complaints(session.map)[0]
+
+
+def test_an_imu_in_other_units_is_not_believed():
+    session, truth = travel(3.0, stereo=True, factors=(57.3, 1.0))
+    assert "contradict the cameras' motion" in session.inertial.complaints(session.map)[0]
+    assert session.inertial.up(session.map) is None
+    assert position_errors(session, truth)[0].max() < 0.01

@@ -226,6 +226,18 @@ def test_samples_that_cannot_be_used_are_counted():
     np.testing.assert_array_equal(buffer.samples(-5).stamps_ns, np.array([0, 5, 10, 15, 40, 45]) * 10**6)
 
 
+def test_a_clock_is_put_right_for_all_samples():
+    buffer = ImuBuffer()
+    for stamp in (10, 15):
+        buffer.add(reading(stamp))
+    buffer.shift(4)
+    buffer.add(reading(20))
+    np.testing.assert_array_equal(buffer.samples().stamps_ns, [6, 11, 16])
+    buffer.shift(-1)
+    np.testing.assert_array_equal(buffer.samples().stamps_ns, [7, 12, 17])
+    assert buffer.offset_ns == 3
+
+
 def test_the_buffer_grows():
     buffer = ImuBuffer()
     for stamp in range(3000):

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.orbslam3.frame import Frame
+from slamcli.orbslam3.frame_track import TrackedFrame
 from slamcli.orbslam3.inertial_bundles import adjust_all_inertially, adjust_local_inertially
-from slamcli.orbslam3.inertial_start import align_map
+from slamcli.orbslam3.inertial_frames import carried_frames
+from slamcli.orbslam3.inertial_start import align_map, set_clock
 from slamcli.orbslam3.inertial_state import Imu, MapInertia
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.posegraph.imu_preintegration import InertialState, predict, preintegrate
@@ -75,6 +77,11 @@ class InertialMapping:
         elif inertia.gravity_map is None:
             rest = "" if self.imu.fixed_scale else ", and its metre is unknown"
             out.append(f"the IMU was not used, {inertia.objection}: the map is what the cameras see alone{rest}")
+        if self.imu.buffer.offset_ns:
+            ahead = self.imu.buffer.offset_ns * 1e-6
+            out.append(
+                f"the IMU's clock is {abs(ahead):.1f} ms {'ahead of' if ahead > 0 else 'behind'} the camera's, by how both turn: put right"
+            )
         lost = counts.repeated + counts.late + counts.not_finite
         if lost:
             out.append(
@@ -159,6 +166,7 @@ class InertialMapping:
         seconds = (int(sparse_map.stamp_ns[keyframe]) - inertia.began_ns) * 1e-9
         if inertia.adjusted < len(_ADJUSTED_S) and seconds >= _ADJUSTED_S[inertia.adjusted]:
             inertia.adjusted += 1
+            set_clock(sparse_map, self.imu)
             inertia.complete(sparse_map, sparse_map.living_keyframes, self.imu)
             adjust_all_inertially(sparse_map, inertia, self.imu, rounds=(5, 10))
         return 1.0
@@ -175,6 +183,10 @@ class InertialMapping:
         inertia.complete(sparse_map, sparse_map.living_keyframes, self.imu)
         adjust_all_inertially(sparse_map, inertia, self.imu)
         return scale
+
+    def carried(self, frames: list[TrackedFrame], number: int, sparse_map: SparseMap) -> list[TrackedFrame]:
+        """Return all frames, those of map `number` that only the IMU posed at where it says now (see `carried_frames`)."""
+        return carried_frames(frames, number, sparse_map, self.of(sparse_map), self.imu)
 
     def _begin_state(self, sparse_map: SparseMap, keyframe: int) -> None:
         """Give a new keyframe the velocity that its predecessor and the samples in between say, and its biases."""

@@ -8,6 +8,7 @@ import numpy as np
 from slamcli.errors import EstimationError
 from slamcli.orbslam3.inertial_state import Imu, MapInertia
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
+from slamcli.posegraph.imu_clock import clock_offset
 from slamcli.posegraph.inertial_alignment import (
     AlignmentSettings,
     InertialAlignment,
@@ -22,8 +23,10 @@ _MOST_KEYFRAMES = 50
 """Keyframes, the newest ones, that an alignment looks at."""
 _POSITION_SHARE = 1e-3
 """Deviation of a keyframe's position over the depth of what it sees: a third of a pixel over a hundred points and a drift."""
-_SCALE_SIGMA, _SCALE_SIGMA_AT_FIRST = 0.02, 0.05
-"""Relative deviation up to which a scale is taken; the latter within the first seconds, as it is refined soon after."""
+_SCALE_SIGMA = 0.02
+"""Relative deviation up to which a scale is taken."""
+_LEAST_OFFSET_S, _LEAST_GAIN = 0.002, 0.3
+"""Clocks are put right where they are off by more, and rotations then agree better by that share."""
 
 
 def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu) -> float | None:
@@ -40,9 +43,11 @@ def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu) -> float | N
         needed = f"{_LEAST_KEYFRAMES} keyframes within at least {least_s:.0f} s are needed"
         inertia.objection = f"not enough motion: {needed}, there are {len(chosen)} within {seconds:.1f} s"
         return None
+    poses = _poses(sparse_map, chosen, imu)
+    set_clock(sparse_map, imu)
     try:
         found = align_inertial(
-            _poses(sparse_map, chosen, imu), imu.buffer.samples(int(sparse_map.stamp_ns[chosen[0]])), imu.noise,
+            poses, imu.buffer.samples(int(poses.stamps_ns[0])), imu.noise,
             AlignmentSettings(fixed_scale=imu.fixed_scale, position_sigma=_POSITION_SHARE * _depth(sparse_map, chosen)),
         )  # fmt: skip
     except EstimationError as error:
@@ -55,6 +60,17 @@ def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu) -> float | N
         scale_map(sparse_map, found.scale)
     _take_over(sparse_map, inertia, imu, living, chosen, found)
     return found.scale
+
+
+def set_clock(sparse_map: SparseMap, imu: Imu) -> None:
+    """Put the IMU's clock right where its rotations say surely that it is off the camera's; finer where it was off before."""
+    keyframes = sparse_map.living_keyframes
+    chosen = keyframes[np.argsort(sparse_map.stamp_ns[keyframes], kind="stable")][-_MOST_KEYFRAMES:]
+    poses = _poses(sparse_map, chosen, imu)
+    offset = clock_offset(poses, imu.buffer.samples(int(poses.stamps_ns[0]) - 100_000_000), imu.noise)
+    least_s, gain = (_LEAST_OFFSET_S, _LEAST_GAIN) if not imu.buffer.offset_ns else (0.25 * _LEAST_OFFSET_S, 0.0)
+    if abs(offset.seconds) > max(least_s, 5 * offset.sigma_s) and offset.gain > gain:
+        imu.buffer.shift(round(offset.seconds * 1e9))
 
 
 def scale_map(sparse_map: SparseMap, scale: float) -> None:

@@ -29,6 +29,11 @@ class OrbSlam3Mapper:
     def __init__(self, parameters: OrbSlam3Parameters, setup: Setup) -> None:
         if setup.rig is None:
             raise UsageError("orbslam3: no camera; name its topic (--rgb-topic, --left-topic and --right-topic)")
+        if setup.atlas is not None and setup.rig.inertial and not setup.localise_only:
+            raise UsageError(
+                "orbslam3: an atlas keeps nothing of an IMU, so an inertial mode can find frames in its maps (--localise-only) "
+                f"but not go on mapping there: take --mode {setup.rig.mode}"
+            )
         self._parameters, self._setup, self._log = parameters, setup, setup.log
         self._maker = FrameMaker(parameters, setup.rig)
         self._imu = _imu(setup.rig, self._maker)

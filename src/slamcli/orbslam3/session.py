@@ -386,3 +386,5 @@ class Session:
                     adjust_all(sparse_map)
                 else:
                     self._rescale(number, scale)
+            if self.inertial is not None:
+                self.tracked = self.inertial.carried(self.tracked, number, sparse_map)

@@ -54,6 +54,8 @@ class ImuBuffer:
         self._values = np.empty((1024, 6))
         self._count = 0
         self._repeated = self._late = self._not_finite = 0
+        self.offset_ns = 0
+        """Taken off every stamp; see `shift`."""
 
     def __len__(self) -> int:
         """Return the number of usable samples."""
@@ -64,21 +66,26 @@ class ImuBuffer:
         """Stamp of the last usable sample; None if there is none."""
         return int(self._stamps[self._count - 1]) if self._count else None
 
+    def shift(self, nanoseconds: int) -> None:
+        """Take this off the stamps of all samples, those to come too: the IMU's clock is ahead by it."""
+        self.offset_ns += nanoseconds
+        self._stamps[: self._count] -= nanoseconds
+
     def add(self, sample: ImuSample) -> None:
         """Take the next sample."""
         values = np.concatenate([sample.angular_rad_s, sample.acceleration_m_s2])
         if not np.isfinite(values).all():
             self._not_finite += 1
             return
-        last = self.last_ns
-        if last is not None and sample.stamp_ns <= last:
-            self._repeated += sample.stamp_ns == last
-            self._late += sample.stamp_ns < last
+        last, stamp = self.last_ns, sample.stamp_ns - self.offset_ns
+        if last is not None and stamp <= last:
+            self._repeated += stamp == last
+            self._late += stamp < last
             return
         if self._count == len(self._stamps):
             self._stamps = np.concatenate([self._stamps, np.empty_like(self._stamps)])
             self._values = np.concatenate([self._values, np.empty_like(self._values)])
-        self._stamps[self._count] = sample.stamp_ns
+        self._stamps[self._count] = stamp
         self._values[self._count] = values
         self._count += 1
 

@@ -68,14 +68,17 @@ def objection(alignment: InertialAlignment, *, log_scale_sigma: float = 0.02, gr
     """Return why an alignment is not to be trusted, or "" if it is."""
     if not alignment.converged:
         return "the estimate did not settle"
+    if alignment.mean_square > 100 and alignment.excitation_m_s2 >= 0.02:
+        return (
+            "its samples contradict the cameras' motion (are its mount, its units and its axes right?): "
+            f"residuals are {alignment.mean_square**0.5:.0f} times what is expected"
+        )
     if alignment.excitation_m_s2 < 0.02:
         return f"not enough motion: accelerations differ by {alignment.excitation_m_s2:.3f} m/s^2 only"
     if alignment.log_scale_sigma > log_scale_sigma:
         return f"not enough motion: the scale is known to {100 * alignment.log_scale_sigma:.1f} % only"
     if alignment.gravity_sigma_rad > gravity_sigma_rad:
         return f"not enough motion: gravity is known to {np.degrees(alignment.gravity_sigma_rad):.1f} degrees only"
-    if alignment.mean_square > 100:
-        return f"poses and IMU contradict each other: residuals are {alignment.mean_square**0.5:.0f} times what is expected"
     return ""
 
 
