@@ -33,7 +33,7 @@ def write_atlas(atlas: VisualAtlas, target: str | os.PathLike[str]) -> None:
     camera = atlas.camera
     columns: dict[str, NDArray[Any]] = {
         "kind": np.array(f"{_KIND} {VERSION}"), "num_maps": np.array(len(atlas.maps)), "scales": atlas.scales,
-        "camera": np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.baseline_m, *camera.limits]),
+        "camera": np.array([camera.fx, camera.fy, camera.cx, camera.cy, camera.baseline_m, camera.depth_weight, *camera.limits]),
         "image_size": np.array([camera.width, camera.height]), "has_bounds": np.array(camera.bounds is not None),
     }  # fmt: skip
     for number, saved in enumerate(atlas.maps):
@@ -82,14 +82,24 @@ def _check_kind(path: Path) -> None:
 
 
 def _atlas(columns: Any) -> VisualAtlas:
-    fx, fy, cx, cy, baseline_m, *limits = (float(value) for value in columns["camera"])
+    fx, fy, cx, cy, baseline_m, weight, *limits = (float(value) for value in columns["camera"])
     width, height = (int(value) for value in columns["image_size"])
     num_maps = int(columns["num_maps"])
     if not 0 <= num_maps <= _MOST_MAPS or len(limits) != 4:
         raise DataError(f"{num_maps} maps, {len(limits)} limits of the image")
     bounds = (limits[0], limits[1], limits[2], limits[3]) if bool(columns["has_bounds"]) else None
     return VisualAtlas(
-        camera=Pinhole(fx=fx, fy=fy, cx=cx, cy=cy, width=width, height=height, baseline_m=baseline_m, bounds=bounds),
+        camera=Pinhole(
+            fx=fx,
+            fy=fy,
+            cx=cx,
+            cy=cy,
+            width=width,
+            height=height,
+            baseline_m=baseline_m,
+            depth_weight=weight,
+            bounds=bounds,
+        ),
         scales=columns["scales"],
         maps=tuple(_map(columns, number) for number in range(num_maps)),
     )

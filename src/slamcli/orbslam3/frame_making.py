@@ -31,7 +31,8 @@ class FrameMaker:
     def __init__(self, parameters: OrbSlam3Parameters, rig: CameraRig) -> None:
         self._orb = orb_settings(parameters)
         self.preparation = Preparation(rig, preparation_settings(parameters, rig))
-        self.camera = self.preparation.camera
+        weight = parameters.slamcli.depth_weight if rig.mode == "rgbd" else 1.0
+        self.camera = replace(self.preparation.camera, depth_weight=weight)
         self.grid_settings = grid_settings(parameters)
         self.scales: NDArray[np.float64] = self._orb.scale_factor ** np.arange(self._orb.num_levels, dtype=np.float64)
 

@@ -175,7 +175,7 @@ class InertialMapping:
         """Adjust a whole map for the last time; return by how much it was scaled, or None if it is for the cameras alone."""
         inertia, scale = self.of(sparse_map), 1.0
         if inertia.gravity_map is None:
-            found = align_map(sparse_map, inertia, self.imu)
+            found = align_map(sparse_map, inertia, self.imu, last=True)
             if found is None:
                 return None
             scale = found

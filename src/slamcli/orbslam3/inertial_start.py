@@ -29,10 +29,11 @@ _LEAST_OFFSET_S, _LEAST_GAIN = 0.002, 0.3
 """Clocks are put right where they are off by more, and rotations then agree better by that share."""
 
 
-def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu) -> float | None:
+def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu, *, last: bool = False) -> float | None:
     """Try to align a map; return metres per unit of the map as it was, or None if it is too early (`inertia.objection`).
 
-    The map is in metres afterwards and `inertia` knows gravity, velocities and biases.
+    The map is in metres afterwards and `inertia` knows gravity, velocities and biases. With many keyframes only every fourth is
+    worth the try, unless it is the `last`.
     """
     living = sparse_map.living_keyframes
     living = living[np.argsort(sparse_map.stamp_ns[living], kind="stable")]
@@ -42,6 +43,8 @@ def align_map(sparse_map: SparseMap, inertia: MapInertia, imu: Imu) -> float | N
     if len(chosen) < _LEAST_KEYFRAMES or seconds < least_s:
         needed = f"{_LEAST_KEYFRAMES} keyframes within at least {least_s:.0f} s are needed"
         inertia.objection = f"not enough motion: {needed}, there are {len(chosen)} within {seconds:.1f} s"
+        return None
+    if len(living) > 2 * _LEAST_KEYFRAMES and len(living) % 4 and not last:
         return None
     poses = _poses(sparse_map, chosen, imu)
     set_clock(sparse_map, imu)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.disparity_offset import DisparityOffset, apply_offset, find_disparity_offset, with_offset
-from slamcli.orbslam3.frame import Frame
+from slamcli.orbslam3.frame import Frame, repeats
 from slamcli.orbslam3.frame_track import TrackedFrame, after_merge, rescaled, scaled, tracked_frame
 from slamcli.orbslam3.inertial_mapping import InertialMapping
 from slamcli.orbslam3.inertial_state import Imu
@@ -110,6 +110,9 @@ class Session:
     def _take(self, frame: Frame, *, again: bool = False) -> None:
         """`again`: the frame was looked for in the maps before."""
         last = self._last
+        if last is not None and self.inertial is None and repeats(last, frame):
+            self._repeat(frame)
+            return
         held = self._begin(frame, again=again) if last is None else self._track(last, frame) or self._look_for(frame)
         held = held or self._reckon(frame)
         self.steps[frame.number] = (held, int(self.map.keyframe_alive.sum()), int(self.map.point_alive.sum()))
@@ -117,6 +120,13 @@ class Session:
             self._keep(frame)
         else:
             self._lose(frame)
+
+    def _repeat(self, frame: Frame) -> None:
+        """Place a frame that is the last one over again; the motion goes on from that one."""
+        one = replace(self.tracked[-1], number=frame.number, stamp_ns=frame.stamp_ns)
+        self.tracked.append(one)
+        self.steps[frame.number] = next(reversed(self.steps.values()))
+        self.counts["frames that repeat the one before"] += 1
 
     def _lose(self, frame: Frame) -> None:
         """Keep a frame without a pose; begin another map when the track has been lost for too long."""

@@ -16,6 +16,9 @@ from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.orb import OrbSettings
 from slamcli.vision.pinhole import Pinhole
 
+_LEAST_GAP_S = 0.15
+"""Between two keyframes of a camera with depth, unless tracking is weak: what is seen sooner again tells next to nothing."""
+
 
 def orb_settings(parameters: OrbSlam3Parameters) -> OrbSettings:
     """Return how key points are found."""
@@ -50,7 +53,12 @@ def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pin
             close_m=close_m,
             seed=seed,
         ),
-        keyframes=KeyframeSettings(share=0.9 if mono else 0.75, close_m=close_m, most_gap=max(1, round(rate_hz))),
+        keyframes=KeyframeSettings(
+            share=parameters.slamcli.keyframe_share,
+            close_m=close_m,
+            least_gap=max(1, round((0.1 if mono else _LEAST_GAP_S) * rate_hz)),
+            most_gap=max(1, round(rate_hz)),
+        ),
         mapping=MappingSettings(
             num_neighbours=20 if mono else 10,
             close_m=close_m,

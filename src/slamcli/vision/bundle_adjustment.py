@@ -143,7 +143,7 @@ def _start(problem: BundleProblem) -> BundleState:
 
 def _camera(camera: Pinhole, state: BundleState) -> Pinhole:
     fx, fy, cx, cy, bf = state.camera.tolist()
-    return replace(camera, fx=fx, fy=fy, cx=cx, cy=cy, baseline_m=bf / fx)
+    return replace(camera, fx=fx, fy=fy, cx=cx, cy=cy, baseline_m=bf / (fx * camera.depth_weight))
 
 
 def _selected(problem: BundleProblem, chosen: NDArray[np.bool_]) -> BundleProblem:

@@ -23,13 +23,15 @@ class Pinhole:
     height: int
     baseline_m: float = 0.0
     """Distance of the right camera along +x; 0 for a camera without depth. RGB-D cameras have a virtual one."""
+    depth_weight: float = 1.0
+    """How much better than to a pixel at this baseline depth is known: the virtual right camera of RGB-D stands so much farther away."""
     bounds: tuple[float, float, float, float] | None = None
     """(x_min, y_min, x_max, y_max) of undistorted pixels, where the lens maps the image's border beyond the image."""
 
     @property
     def bf(self) -> float:
-        """Baseline times focal length, pixels metres: depth = bf / disparity."""
-        return self.baseline_m * self.fx
+        """Baseline times focal length (times `depth_weight`), pixels metres: depth = bf / disparity."""
+        return self.baseline_m * self.fx * self.depth_weight
 
     @property
     def matrix(self) -> NDArray[np.float64]:

@@ -79,12 +79,20 @@ class SlamcliParameters:
     final_bundle_adjustment: bool = parameter(
         True, "adjust all keyframes and points together at the end", extension=True
     )
+    keyframe_share: float = parameter(
+        0.9, "a frame that sees less than this share of its reference keyframe's points becomes a keyframe (the original with depth: 0.75)",
+        minimum=0.1, maximum=1.0, extension=True,
+    )  # fmt: skip
     mend_disparities: bool = parameter(
         True,
         "take an error that all disparities share (calibration of a stereo camera) out of the map at the end",
         extension=True,
     )
     equalise: bool = parameter(False, "equalise local contrast (CLAHE) before key points are found", extension=True)
+    depth_weight: float = parameter(
+        3.0, "how much better than to a pixel of the virtual baseline a depth sensor's measurements are known (RGB-D; the original: 1)",
+        minimum=0.1, maximum=30.0, extension=True,
+    )  # fmt: skip
     virtual_baseline: float = parameter(
         0.08, "virtual baseline of RGB-D, where Camera.bf and Stereo.b are not given", unit="m", minimum=1e-3, maximum=10.0,
         extension=True,
