@@ -46,13 +46,14 @@ class DepthFusion:
     def __init__(self, voxel_m: float, range_m: float, intrinsics: tuple[float, float, float, float]) -> None:
         import open3d
 
-        self._open3d: Any = open3d
+        o3d: Any = open3d
+        self._open3d = o3d
         self._range, self._is_empty = range_m, True
         fx, fy, cx, cy = intrinsics
-        self._matrix: Any = open3d.core.Tensor(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]))
-        real = open3d.core.float32
-        self._blocks: Any = open3d.t.geometry.VoxelBlockGrid(
-            ("tsdf", "weight", "color"), (real, real, real), ((1), (1), (3)), voxel_m, _BLOCK, _FIRST_BLOCKS, open3d.core.Device("CPU:0"),
+        self._matrix: Any = o3d.core.Tensor(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]))
+        real = o3d.core.float32
+        self._blocks: Any = o3d.t.geometry.VoxelBlockGrid(
+            ("tsdf", "weight", "color"), (real, real, real), ((1), (1), (3)), voxel_m, _BLOCK, _FIRST_BLOCKS, o3d.core.Device("CPU:0"),
         )  # fmt: skip
 
     def add(self, depth_m: NDArray[np.float32], colour: NDArray[np.uint8], T_camera_map: NDArray[np.float64]) -> None:
