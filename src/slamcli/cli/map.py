@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from slamcli.pipelines.map import MapOutcome
     from slamcli.recordings import Mends
 
-_CHOICES = {"map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb"}
+_CHOICES = {
+    "map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb", "dense": "none", "dense_voxel": 0.02, "dense_range": 5.0,
+}  # fmt: skip
 """Options that say how files are written, with their defaults."""
 _KERNELS = {"orbslam3": ("vision", "up to a minute")}
 """Room whose kernels a system needs most, where it is not the usual one, and how long they take to compile."""
@@ -123,6 +125,18 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     show_default=True,
     help="By what its points are coloured: what the cameras saw (height where none did), or one of the others.",
 )
+@click.option(
+    "--dense", type=click.Choice(["none", "cloud", "mesh"]), default=_CHOICES["dense"], show_default=True,
+    help="Also write dense.ply from the depth images of keyframes: a coloured cloud, or a mesh (RGB-D).",
+)  # fmt: skip
+@click.option(
+    "--dense-voxel", type=click.FloatRange(0.001, 1.0), default=_CHOICES["dense_voxel"], show_default=True, metavar="METRES",
+    help="Size of its cells.",
+)  # fmt: skip
+@click.option(
+    "--dense-range", type=click.FloatRange(0.1, 100.0), default=_CHOICES["dense_range"], show_default=True, metavar="METRES",
+    help="Depths beyond are left out of it.",
+)  # fmt: skip
 @click.option(
     "--truth",
     metavar="TRAJECTORY",

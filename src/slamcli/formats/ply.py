@@ -50,8 +50,12 @@ def read_ply_columns(data: bytes, path: Path) -> dict[str, NDArray[Any]]:
     )
 
 
-def ply_bytes(columns: Mapping[str, NDArray[np.float32]], colours: NDArray[np.uint8] | None) -> bytes:
-    """Return a binary file of float32 columns (N,) and colours (N, 3)."""
+def ply_bytes(
+    columns: Mapping[str, NDArray[np.float32]],
+    colours: NDArray[np.uint8] | None,
+    triangles: NDArray[np.int32] | None = None,
+) -> bytes:
+    """Return a binary file of float32 columns (N,), colours (N, 3), and triangles (F, 3) of the points."""
     layout = [(name, "<f4") for name in columns] + ([(name, "u1") for name in _RGB] if colours is not None else [])
     table = np.empty(len(next(iter(columns.values()))), dtype=layout)
     for name, values in columns.items():
@@ -59,8 +63,12 @@ def ply_bytes(columns: Mapping[str, NDArray[np.float32]], colours: NDArray[np.ui
     for i, name in enumerate(_RGB if colours is not None else ()):
         table[name] = colours[:, i]  # type: ignore[index]
     properties = [f"property {'float' if kind == '<f4' else 'uchar'} {name}" for name, kind in layout]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}", *properties, "end_header", ""]
-    return "\n".join(header).encode("ascii") + table.tobytes()
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}", *properties]
+    faces = np.empty(0 if triangles is None else len(triangles), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
+    if triangles is not None:
+        faces["count"], faces["corners"] = 3, triangles
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+    return "\n".join([*header, "end_header", ""]).encode("ascii") + table.tobytes() + faces.tobytes()
 
 
 _RGB = ("red", "green", "blue")

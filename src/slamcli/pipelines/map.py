@@ -12,12 +12,15 @@ from typing import Any
 
 from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
+from slamcli.grids.depth_mesh import Mesh
 from slamcli.mapper import MappingResult, Setup, Tier, find_resuming_tier, find_tier
+from slamcli.measurements import PointCloud
 from slamcli.outputs import atomic_directory, check_directory, check_file
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.camera_input import CameraFeed
 from slamcli.pipelines.camera_request import check_no_cameras, depth_unit, feed_of
 from slamcli.pipelines.config import NativeConfig, load_native
+from slamcli.pipelines.dense import check_dense, dense_model
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
@@ -132,7 +135,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     score = None if reference is None else score_trajectory(result.trajectory, reference, log=log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
-            written = write_result(folder, result, score=score, choices=request.choices, log=log)
+            written = write_result(folder, result, score=score, choices=request.choices, log=log, dense=run.dense)
         document = run_document(
             command=request.command, algo=request.algo, parameters=as_dict(run.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=run.topics, frames=run.frames, log=log, total_s=time.perf_counter() - began,
@@ -155,6 +158,7 @@ class _Run:
     topics: Mapping[str, Any]
     frames: Mapping[str, Any]
     duration_s: float
+    dense: PointCloud | Mesh | None = None
 
 
 def _from_recording(request: MapRequest, config: NativeConfig, state: MapState | None, log: RunLog) -> _Run:
@@ -163,16 +167,22 @@ def _from_recording(request: MapRequest, config: NativeConfig, state: MapState |
     with open_recording(request.inputs, mends=depth_unit(request.mends, config), log=log) as recording:
         _check_frame(request.base_frame, recording)
         feed = _feed(request, config, tier, recording, log)
+        check_dense(request.choices.of_dense, feed)
         check_dimensions(state, spatial=feed.plan.spatial)
         mapper = tier.build(feed.plan.parameters, _setup(request, feed, state, log))
         with log.stage("read"):
             for measurement in feed.measurements():
                 mapper.process(measurement)
         duration_s = feed.length_s
-    result = mapper.finish()
+        result = mapper.finish()
+        dense = None
+        if isinstance(feed, CameraFeed) and request.choices.dense != "none" and result.keyframes is not None:
+            with log.stage("dense"):
+                dense = dense_model(feed, result.keyframes, request.choices.of_dense, result.trajectory.frame_id, log)
     return _Run(
-        result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=duration_s
-    )
+        result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=duration_s,
+        dense=dense,
+    )  # fmt: skip
 
 
 def _feed(
@@ -203,6 +213,7 @@ def _from_state(request: MapRequest, config: NativeConfig, state: MapState, log:
     of_recordings = {
         "--start": request.start_s, "--duration": request.duration_s, "--mode": request.mode,
         "--scan-topic": request.scan_topics or None, "--points-topic": request.points_topics or None,
+        "--dense": request.choices.dense if request.choices.dense != "none" else None,
         "--odom-topic": request.odom_topic, "--imu-topic": request.imu_topic, "--fix-topic": request.fix_topic,
         "--landmark-topic": request.landmark_topic, "--camera": request.camera_files or None, **request.cameras.named(),
     }  # fmt: skip

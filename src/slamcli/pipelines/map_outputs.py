@@ -19,8 +19,11 @@ from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.formats.trajectories import write_tum
+from slamcli.grids.depth_mesh import Mesh
 from slamcli.mapper import MappingResult
+from slamcli.measurements import PointCloud
 from slamcli.parameters import Declaration
+from slamcli.pipelines.dense import DenseChoices, DenseKind, write_dense
 from slamcli.pipelines.evaluate import TrajectoryScore
 from slamcli.pipelines.run_record import step_columns, to_json
 from slamcli.pipelines.view_alignment import laid_over
@@ -41,6 +44,15 @@ class OutputChoices:
     map_mode: Mode = "trinary"
     cloud_format: CloudFormat = "ply"
     cloud_colour: Colour = "rgb"
+    dense: DenseKind = "none"
+    dense_voxel: float = 0.02
+    """Metres, as the next."""
+    dense_range: float = 5.0
+
+    @property
+    def of_dense(self) -> DenseChoices:
+        """What dense model is wanted."""
+        return DenseChoices(kind=self.dense, voxel_m=self.dense_voxel, range_m=self.dense_range)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,9 +67,17 @@ class Written:
 
 
 def write_result(
-    folder: Path, result: MappingResult, *, score: TrajectoryScore | None, choices: OutputChoices, log: RunLog
+    folder: Path,
+    result: MappingResult,
+    *,
+    score: TrajectoryScore | None,
+    choices: OutputChoices,
+    log: RunLog,
+    dense: PointCloud | Mesh | None = None,
 ) -> Written:
-    """Write what the result has into `folder`; what it has not leaves no file."""
+    """Write what the result has, and the dense model, into `folder`; what there is not leaves no file."""
+    if dense is not None:
+        write_dense(folder, dense)
     write_tum(folder / "trajectory.tum", result.trajectory)
     if result.keyframes is not None:
         write_tum(folder / "keyframes.tum", result.keyframes)
