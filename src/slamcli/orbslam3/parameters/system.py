@@ -14,7 +14,7 @@ class ExtractorParameters:
     """``ORBextractor``."""
 
     num_features: int = parameter(
-        1000, "key points per image", name="nFeatures", unit="points", minimum=50, maximum=20000
+        1200, "key points per image", name="nFeatures", unit="points", minimum=50, maximum=20000
     )
     scale_factor: float = parameter(
         1.2, "ratio of the sizes of two levels of the image pyramid", name="scaleFactor", minimum=1.01, maximum=2.0
