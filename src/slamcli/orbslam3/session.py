@@ -392,9 +392,9 @@ class Session:
                 if self.settings.mend_disparities:
                     self._mend_disparities(number)
                 scale = self.inertial.finish(sparse_map) if self.inertial is not None else None
-                if scale is None:
-                    adjust_all(sparse_map)
-                else:
+                if scale is not None:
                     self._rescale(number, scale)
+                elif self.settings.final_bundle_adjustment:
+                    adjust_all(sparse_map)
             if self.inertial is not None:
                 self.tracked = self.inertial.carried(self.tracked, number, sparse_map)
