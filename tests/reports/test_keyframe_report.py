@@ -81,6 +81,14 @@ def test_pictures_stay_below_six_hundred_kilobytes():
     assert 150_000 < full - plain < 600_000
 
 
+def test_time_begins_with_the_first_frame_even_where_it_has_no_pose():
+    steps = {"stamp_ns": np.arange(-5, 4) * 10**9, "tracked": np.array([0] * 5 + [1] * 4)}
+    told = " ".join(
+        parse(report({}, steps=steps, trajectory=trajectory(), keyframes=graph(), keyframe_views=[view(3)])).text
+    )
+    assert "8.0 s · 5 of" in told
+
+
 def test_frames_without_a_pose_are_ticks():
     steps = {
         "stamp_ns": np.arange(5) * 10**9, "tracked": np.array([1, 1, 0, 0, 1]), "points_held": np.array([90, 80, 0, 0, 70]),
