@@ -18,8 +18,8 @@ def reduced_picture(image: NDArray[np.uint8]) -> Picture:
     height, width = image.shape[:2]
     factor = max(1, -(-width // _MOST_COLUMNS))
     size = max(1, width // factor), max(1, height // factor)
-    cut = np.ascontiguousarray(image[: size[1] * factor, : size[0] * factor])
+    cut = image[: size[1] * factor, : size[0] * factor]
     small = cv2.resize(cut, size, interpolation=cv2.INTER_AREA) if factor > 1 else cut
-    blue_first = small if small.ndim == 2 else small[..., ::-1]
+    blue_first = small if small.ndim == 2 else cv2.cvtColor(small, cv2.COLOR_RGB2BGR)
     _, data = cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return Picture(jpeg=data.tobytes(), width=size[0], height=size[1], factor=factor)
