@@ -11,7 +11,8 @@ from test_html_report import parse
 from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.reports.html import report
 from slamcli.trajectory import Trajectory
-from slamcli.vision.pictures import KeyframeView, PlaceView, reduced_picture
+from slamcli.vision.pictures import KeyframeView, PlaceView
+from slamcli.vision.reduction import reduced_picture
 
 
 def graph(kinds=(1, 0, 2, 1, 1)):
@@ -79,6 +80,14 @@ def test_pictures_stay_below_six_hundred_kilobytes():
     plain = len(report({}, keyframes=graph()))
     full = len(report({}, keyframes=graph(), keyframe_views=noisy, place_views=loops))
     assert 150_000 < full - plain < 600_000
+
+
+def test_time_begins_with_the_first_frame_even_where_it_has_no_pose():
+    steps = {"stamp_ns": np.arange(-5, 4) * 10**9, "tracked": np.array([0] * 5 + [1] * 4)}
+    told = " ".join(
+        parse(report({}, steps=steps, trajectory=trajectory(), keyframes=graph(), keyframe_views=[view(3)])).text
+    )
+    assert "8.0 s · 5 of" in told
 
 
 def test_frames_without_a_pose_are_ticks():

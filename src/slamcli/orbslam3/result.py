@@ -75,7 +75,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
         atlas=None if setup.localise_only else visual_atlas(session.maps),
         summary={
             **dict(sorted((f"{name} made" if name == "keyframes" else name, count) for name, count in session.counts.items())),
-            "frames": len(stamps_ns), "tracked": len(tracked), "lost": len(stamps_ns) - len(tracked),
+            "frames": len(stamps_ns), "tracked": len(tracked), "lost": len(stamps_ns) - len(tracked), "in other maps": len(session.tracked) - len(tracked),
             "relocalised": session.counts["frames relocalised"], "loops closed": session.counts["loops closed"],
             "untracked_share_of_time": untracked_share(steps), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
             **_focal_lengths(session, sparse_map, setup.log),

@@ -74,7 +74,7 @@ def report(
     """
     name = _input_name(run)
     title = f"{name} · {run.get('algo', 'slamcli')}"
-    began_ns = int(trajectory.stamps_ns[0]) if trajectory is not None and len(trajectory) else None
+    began_ns = _began(trajectory, steps)
     return page.document(
         title,
         [
@@ -85,7 +85,7 @@ def report(
             page.section("Map", _map(map_image)),
             page.section("Points", *cloud_figures(cloud, trajectory)),
             *graph_sections(state, loop_searches, run, grid, trajectory),
-            *keyframe_sections(keyframes, keyframe_views, place_views, grid, trajectory),
+            *keyframe_sections(keyframes, keyframe_views, place_views, grid, trajectory, began_ns),
             page.section("Error against ground truth", *_errors(errors, began_ns), _overlay(trajectory, truth)),
             page.section("Steps", *step_charts.figures(steps or {}, began_ns)),
             page.section("Time per stage", _timing(run.get("timing") or {})),
@@ -99,6 +99,14 @@ def report(
             page.section("How to make this again", _reproduce(run)),
         ],
     )
+
+
+def _began(trajectory: Trajectory | None, steps: Mapping[str, NDArray[Any]] | None) -> int | None:
+    """Return when time axes begin: with the first pose, or the first step where that came earlier and has no pose."""
+    if trajectory is None or not len(trajectory):
+        return None
+    stepped = () if steps is None else steps.get("stamp_ns", ())[:1]
+    return int(min([trajectory.stamps_ns[0], *stepped]))
 
 
 def _input_name(run: Mapping[str, Any]) -> str:

@@ -39,11 +39,15 @@ def keyframe_sections(
     places: Sequence[PlaceView],
     grid: OccupancyGrid | None,
     trajectory: Trajectory | None,
+    began_ns: int | None = None,
 ) -> list[str]:
-    """Return the sections as markup, none without a graph; pictures stay below half a megabyte together."""
+    """Return the sections as markup, none without a graph; pictures stay below half a megabyte together.
+
+    Times are those since `began_ns`; None: since the first keyframe.
+    """
     if graph is None or not len(graph.stamps_ns):
         return []
-    began_ns = int(trajectory.stamps_ns[0]) if trajectory is not None and len(trajectory) else int(graph.stamps_ns[0])
+    began_ns = int(graph.stamps_ns[0]) if began_ns is None else began_ns
     loops, left = list[str](), _MOST_BYTES
     for place in places:
         left -= len(place.older.picture.jpeg) + len(place.newer.picture.jpeg)
