@@ -23,6 +23,7 @@ from slamcli.orbslam3.keyframe_edges import keyframe_graph
 from slamcli.orbslam3.keyframe_views import keyframe_views, place_views
 from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.start_refusals import why_none_began
 from slamcli.orbslam3.statistics import step_columns, tell_gaps, untracked_share
 from slamcli.orbslam3.upright import Upright, upright
 from slamcli.runtime import RunLog
@@ -39,7 +40,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     """
     frames = Counter(frame.map_number for frame in session.tracked)
     if not frames:
-        raise EstimationError("no frame could be tracked: " + _why(session))
+        raise EstimationError("no frame could be tracked: " + why_none_began(session.counts, session.num_frames))
     chosen = min(frames, key=lambda number: (-frames[number], number))
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
@@ -131,13 +132,3 @@ def _focal_lengths(session: Session, sparse_map: SparseMap, log: RunLog) -> dict
     if found.contradicts:
         log.warn(found.warning())
     return {"focal_length_check": found.figures()}
-
-
-def _why(session: Session) -> str:
-    """Return what is the likely cause."""
-    frames = session.num_frames
-    return (
-        f"of {frames} frames none had enough features that match the next one's"
-        if frames
-        else "the recording has no frames"
-    )

@@ -204,7 +204,7 @@ class Session:
     def _new_map(self) -> None:
         if not self.maps or self.map.num_keyframes:
             self.maps.append(SparseMap(self.camera, self.scales))
-        self._start = MonocularStart(self.settings.seed, self._words)
+        self._start = MonocularStart(self.settings.seed, self._words, self.counts)
         self._last, self._velocity = None, None
         self._mapping.forget()
         self._places.forget()
@@ -220,7 +220,7 @@ class Session:
             return 0
         if self.camera.baseline_m > 0:
             began = start_with_depth(
-                self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame)
+                self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame), self.counts
             )
         else:
             began = self._start.take(self.map, frame)
