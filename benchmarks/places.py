@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How well vocabularies know places again, on a folder of frames with true poses (7-Scenes layout).
+"""How well vocabularies know places again, on a folder of frames with true poses (7-Scenes or TUM RGB-D layout).
 
 For every n-th frame, all frames further away than a gap in time are ranked by the similarity of their bags of words. Reported: the
 share of frames whose best-ranked frame shows the same place (within 0.4 m and 30 degrees), of those where such a frame exists;
@@ -21,11 +21,24 @@ import numpy as np
 
 from slamcli.formats.pictures import read_grey
 from slamcli.formats.vocabularies import load_vocabulary, read_vocabulary
+from slamcli.geometry import se3
 from slamcli.vision.bag_of_words import bag_of_words
 from slamcli.vision.keyframe_database import KeyframeDatabase
 from slamcli.vision.matching import match_brute_force
 from slamcli.vision.orb import OrbSettings, extract_orb
 from slamcli.vision.vocabulary_training import TrainingSettings, train_vocabulary
+
+
+def frames(folder: Path, every: int) -> tuple[list[Path], np.ndarray]:
+    """Return every n-th picture and its true pose (4, 4)."""
+    if not (folder / "rgb.txt").exists():
+        names = sorted(folder.glob("*.color.*"))[::every]
+        return names, np.array([np.loadtxt(str(name).split(".color")[0] + ".pose.txt") for name in names])
+    lines = [line.split() for line in (folder / "rgb.txt").read_text().splitlines() if line and line[0] != "#"][::every]
+    truth = np.loadtxt(folder / "groundtruth.txt")
+    rows = [int(np.abs(truth[:, 0] - float(stamp)).argmin()) for stamp, _ in lines]
+    poses = se3.from_position_quaternion(truth[rows, 1:4], truth[rows, 4:8])
+    return [folder / name for _, name in lines], poses
 
 
 def same_place(poses: np.ndarray, metres: float, degrees: float) -> np.ndarray:
@@ -58,8 +71,11 @@ def main() -> None:
     parser.add_argument("--metres", type=float, default=0.4)
     parser.add_argument("--degrees", type=float, default=30.0)
     given = parser.parse_args()
-    names = sorted(given.folder.glob("*.color.*"))[:: given.every]
-    poses = np.array([np.loadtxt(str(name).split(".color")[0] + ".pose.txt") for name in names])
+    names, poses = frames(given.folder, given.every)
+    if len(names) < 2:
+        parser.error(
+            f"{given.folder}: neither frame-*.color.* with poses (7-Scenes) nor rgb.txt with groundtruth.txt (TUM RGB-D)"
+        )
     descriptors = [extract_orb(read_grey(name), OrbSettings()).features.descriptors for name in names]
     same, gap = same_place(poses, given.metres, given.degrees), given.gap // given.every
     trees = [("slamcli's own", load_vocabulary())] + [(Path(v).name, read_vocabulary(v)) for v in given.vocabularies]

@@ -333,7 +333,7 @@ def test_bad_recordings(tmp_path: Path, topics: dict[str, list[Any]], error: typ
         (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, 0.4) for i in range(6)]}), "is 0.4 m typically"),
         (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, 0.0) for i in range(6)]}), "has depth in 0 of 48 pixels only"),
         (rgbd_topics(**{"/camera/depth/image_raw": [depth(i, size=(16, 12)) for i in range(6)]}), "16 x 12 pixels, colour on /camera/rgb/image_raw 32 x 24"),
-        (rgbd_topics(**{"/camera/rgb/image_raw": [image(i, size=(32, 24) if i != 3 else (16, 12)) for i in range(6)]}), "1 images have another size"),
+        (rgbd_topics(**{"/camera/rgb/image_raw": [image(i, size=(32, 24) if i != 3 else (16, 12)) for i in range(6)]}), "1 of 6 images are not 32 x 24 pixels"),
         (rgbd_topics(**{"/camera/depth/image_raw": [depth(i) for i in (0, 1, 2, 4, 5)]}), "1 of 6 images of /camera/rgb/image_raw have no depth image"),
         (rgbd_topics(**{"/camera/rgb/camera_info": [info(size=(64, 48))]}), "it is scaled by 0.5"),
     ],

@@ -119,10 +119,12 @@ def _model(recording: Recording, image: Image, given: CameraModel | None, named:
 
 
 def _tell_difference(recording: Recording, topic: str, given: CameraModel, recorded: CameraModel) -> None:
-    ours, theirs = given.intrinsics[0, 0], recorded.intrinsics[0, 0]
-    if theirs > 0.0 and abs(ours / theirs - 1.0) > 0.01 and given.width in (0, recorded.width):
+    # Of another size: the field of view is what must be the same.
+    scale = recorded.width / given.width if given.width > 0 and recorded.width > 0 else 1.0
+    ours, theirs = given.intrinsics[0, 0] * scale, recorded.intrinsics[0, 0]
+    if theirs > 0.0 and abs(ours / theirs - 1.0) > 0.01:
         recording.log.warn(
-            f"the given calibration (fx {ours:g} px) is used for {topic}; the recording's own says {theirs:g} px:"
+            f"the given calibration (fx {ours:.6g} px) is used for {topic}; the recording's own says {theirs:.6g} px:"
             " if the file is of another camera, leave it out or take its Camera entries out"
         )
 
