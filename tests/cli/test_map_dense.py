@@ -76,6 +76,7 @@ def test_open3d_reads_the_triangles(folders: dict[str, Path]) -> None:
     ("words", "said"),
     [
         (("--mode", "mono"), "--dense cloud: needs depth images (--mode rgbd), and this is mono"),
+        (("--dense", "none", "--dense-range", "2"), "--dense-voxel and --dense-range go with --dense cloud"),
         (("--dense-voxel", "0"), "Invalid value for '--dense-voxel'"),
     ],
 )

@@ -22,7 +22,7 @@ from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.tracking import TrackingSettings
 from slamcli.vision.matching import feature_grid
-from slamcli.vision.pictures import reduced_picture
+from slamcli.vision.reduction import reduced_picture
 
 PICTURE = reduced_picture(np.zeros((480, 640), np.uint8))
 

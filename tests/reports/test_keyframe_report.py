@@ -11,7 +11,8 @@ from test_html_report import parse
 from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.reports.html import report
 from slamcli.trajectory import Trajectory
-from slamcli.vision.pictures import KeyframeView, PlaceView, reduced_picture
+from slamcli.vision.pictures import KeyframeView, PlaceView
+from slamcli.vision.reduction import reduced_picture
 
 
 def graph(kinds=(1, 0, 2, 1, 1)):

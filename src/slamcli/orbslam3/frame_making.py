@@ -17,8 +17,8 @@ from slamcli.vision.depth_lookup import with_depth
 from slamcli.vision.features import Features
 from slamcli.vision.matching import feature_grid
 from slamcli.vision.orb import extract_orb
-from slamcli.vision.pictures import reduced_picture
 from slamcli.vision.preparation import Preparation, PreparedFrame
+from slamcli.vision.reduction import reduced_picture
 from slamcli.vision.stereo_matching import match_stereo
 
 _STEP = 8

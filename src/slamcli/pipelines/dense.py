@@ -44,9 +44,11 @@ def check_dense(choices: DenseChoices, feed: SensorFeed | CameraFeed) -> None:
     Raises
     ------
     UsageError
-        If the feed is none of colour with depth.
+        If the feed is none of colour with depth, or only its size was said.
     """
     if choices.kind == "none":
+        if choices != DenseChoices():
+            raise UsageError("--dense-voxel and --dense-range go with --dense cloud or --dense mesh")
         return
     if not isinstance(feed, CameraFeed):
         raise UsageError(f"--dense {choices.kind}: is made from depth images, for systems that see (--algo orbslam3)")
