@@ -32,13 +32,13 @@ def test_depth_makes_the_close_points_where_they_are():
     world = World(focal_error=0.0, noise_px=0.0)
     sparse_map = SparseMap(world.camera, SCALES)
     frame, things = frame_of(world, 0.0)
-    assert start_with_depth(sparse_map, frame, close_m=3.5, least=20, words=None)
+    assert start_with_depth(sparse_map, frame, close_m=3.5, least=20, words=None, refused=Counter())
     ids = frame.points[frame.points >= 0]
     wanted = world.points[things[frame.points >= 0]] @ true_pose(0.0)[:3, :3].T + true_pose(0.0)[:3, 3]
     assert len(ids) >= 100
     assert np.median(np.linalg.norm(sparse_map.positions[ids] - wanted, axis=1)) < 0.05
     none = SparseMap(world.camera, SCALES)
-    assert not start_with_depth(none, frame, close_m=3.5, least=10**4, words=None)
+    assert not start_with_depth(none, frame, close_m=3.5, least=10**4, words=None, refused=Counter())
     assert none.num_keyframes == 0
     assert len(points_from_depth(sparse_map, 0, 3.5)) == 0  # all are made
 
@@ -114,7 +114,7 @@ def test_bundle_adjustment_takes_noise_out_of_poses(everything):
 def test_one_camera_begins_with_two_views():
     world = World(stereo=False, focal_error=0.0, count=2500)
     sparse_map = SparseMap(world.camera, SCALES)
-    start = MonocularStart(1, lambda frame: None)
+    start = MonocularStart(1, lambda frame: None, Counter())
     began = []
     for number, turn in enumerate(np.linspace(0.0, 0.3, 8)):
         frame, _ = frame_of(world, turn, number)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,7 @@ from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.start_refusals import FEW_KEY_POINTS, FEW_MATCHES, LITTLE_DEPTH, NO_PARALLAX
 from slamcli.vision.matching import match_brute_force
 from slamcli.vision.two_view import initialise_two_view
 
@@ -21,9 +23,15 @@ _MOST_APART = 60
 """Hamming distance of matches between the first two keyframes: key points of all octaves, anywhere in the image."""
 
 
-def start_with_depth(sparse_map: SparseMap, frame: Frame, close_m: float, least: int, words: Any) -> bool:
-    """Make the first keyframe of a camera with depth, at the origin; return whether it has `least` features, and depth for enough."""
+def start_with_depth(
+    sparse_map: SparseMap, frame: Frame, close_m: float, least: int, words: Any, refused: Counter[str]
+) -> bool:
+    """Make the first keyframe of a camera with depth, at the origin; return whether it has `least` features, and depth for enough.
+
+    If not, why is counted in `refused`.
+    """
     if len(frame.features) < least or int((frame.features.depth < np.inf).sum()) < _LEAST_DEEP:
+        refused[FEW_KEY_POINTS if len(frame.features) < least else LITTLE_DEPTH] += 1
         return False
     frame.T_camera_map = np.eye(4)
     keyframe = sparse_map.add_keyframe(frame, -1, words)
@@ -34,16 +42,20 @@ def start_with_depth(sparse_map: SparseMap, frame: Frame, close_m: float, least:
 
 
 class MonocularStart:
-    """Waits for two frames far enough apart, and makes the first two keyframes and their points of them."""
+    """Waits for two frames far enough apart, and makes the first two keyframes and their points of them.
 
-    def __init__(self, seed: int, make_words: Callable[[Frame], Any]) -> None:
-        self._seed, self._make_words = seed, make_words
+    Why a frame was not one of them is counted in `refused`.
+    """
+
+    def __init__(self, seed: int, make_words: Callable[[Frame], Any], refused: Counter[str]) -> None:
+        self._seed, self._make_words, self._refused = seed, make_words, refused
         self._first: Frame | None = None
 
     def take(self, sparse_map: SparseMap, frame: Frame) -> bool:
         """Take the next frame; return whether the map has begun. The median depth of the first keyframe is then 1."""
         if len(frame.features) <= _LEAST_FEATURES:
             self._first = None
+            self._refused[FEW_KEY_POINTS] += 1
             return False
         if self._first is None:
             self._begin(frame)
@@ -55,6 +67,7 @@ class MonocularStart:
         at_first = np.flatnonzero(matched >= 0)
         if len(at_first) < _LEAST_MATCHES:
             self._begin(frame)
+            self._refused[FEW_MATCHES] += 1
             return False
         at_frame = matched[at_first]
         try:
@@ -65,9 +78,11 @@ class MonocularStart:
                 seed=self._seed + frame.number,
             )
         except EstimationError:
+            self._refused[NO_PARALLAX] += 1
             return False
         good = np.isfinite(start.points).all(axis=1)
         if good.sum() < _LEAST_POINTS:
+            self._refused[NO_PARALLAX] += 1
             return False
         self._build(sparse_map, self._first, frame, start.T_b_a, start.points[good], at_first[good], at_frame[good])
         return True

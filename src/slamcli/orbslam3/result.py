@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,17 @@ from slamcli.measurements import PointCloud
 from slamcli.orbslam3.atlas import visual_atlas
 from slamcli.orbslam3.depth_seen import DepthSeen
 from slamcli.orbslam3.disparity_offset import DisparityOffset
+from slamcli.orbslam3.focal_check import check_focal_lengths
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import final_pose
 from slamcli.orbslam3.keyframe_edges import keyframe_graph
 from slamcli.orbslam3.keyframe_views import keyframe_views, place_views
 from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.start_refusals import why_none_began
 from slamcli.orbslam3.statistics import step_columns, tell_gaps, untracked_share
 from slamcli.orbslam3.upright import Upright, upright
+from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
 
@@ -36,7 +40,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
     """
     frames = Counter(frame.map_number for frame in session.tracked)
     if not frames:
-        raise EstimationError("no frame could be tracked: " + _why(session))
+        raise EstimationError("no frame could be tracked: " + why_none_began(session.counts, session.num_frames))
     chosen = min(frames, key=lambda number: (-frames[number], number))
     sparse_map = session.maps[chosen]
     T_base_camera = maker.preparation.T_base_camera
@@ -75,6 +79,7 @@ def result_of(session: Session, maker: FrameMaker, setup: Setup, stamps_ns: list
             "frames": len(stamps_ns), "tracked": len(tracked), "lost": len(stamps_ns) - len(tracked), "in other maps": len(session.tracked) - len(tracked),
             "relocalised": session.counts["frames relocalised"], "loops closed": session.counts["loops closed"],
             "untracked_share_of_time": untracked_share(steps), "maps": len(frames), "keyframes": len(living), "points": len(alive), "up_from": placed.source,
+            **_focal_lengths(session, sparse_map, setup.log),
             **_disparity(session.disparity_offsets.get(chosen)),
             **({} if session.inertial is None else session.inertial.summary(sparse_map)),
             **({"closures": [closure.figures() for closure in session.closures]} if session.closures else {}),
@@ -118,11 +123,12 @@ def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: NDArray[np.float64], s
     return Trajectory(stamps_ns, positions, quats, frame_id=setup.map_frame, child_frame_id=setup.base_frame)
 
 
-def _why(session: Session) -> str:
-    """Return what is the likely cause."""
-    frames = session.num_frames
-    return (
-        f"of {frames} frames none had enough features that match the next one's"
-        if frames
-        else "the recording has no frames"
-    )
+def _focal_lengths(session: Session, sparse_map: SparseMap, log: RunLog) -> dict[str, Any]:
+    """Return figures on the focal lengths that the map fits best, and warn where those of the calibration are others."""
+    settings = session.settings
+    found = check_focal_lengths(sparse_map) if settings.check_focal_length and not settings.localise_only else None
+    if found is None:
+        return {}
+    if found.contradicts:
+        log.warn(found.warning())
+    return {"focal_length_check": found.figures()}

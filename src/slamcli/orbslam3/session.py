@@ -204,7 +204,7 @@ class Session:
     def _new_map(self) -> None:
         if not self.maps or self.map.num_keyframes:
             self.maps.append(SparseMap(self.camera, self.scales))
-        self._start = MonocularStart(self.settings.seed, self._words)
+        self._start = MonocularStart(self.settings.seed, self._words, self.counts)
         self._last, self._velocity = None, None
         self._mapping.forget()
         self._places.forget()
@@ -220,7 +220,7 @@ class Session:
             return 0
         if self.camera.baseline_m > 0:
             began = start_with_depth(
-                self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame)
+                self.map, frame, self.settings.close_m, self.settings.least_start, self._words(frame), self.counts
             )
         else:
             began = self._start.take(self.map, frame)
@@ -392,9 +392,9 @@ class Session:
                 if self.settings.mend_disparities:
                     self._mend_disparities(number)
                 scale = self.inertial.finish(sparse_map) if self.inertial is not None else None
-                if scale is None:
-                    adjust_all(sparse_map)
-                else:
+                if scale is not None:
                     self._rescale(number, scale)
+                elif self.settings.final_bundle_adjustment:
+                    adjust_all(sparse_map)
             if self.inertial is not None:
                 self.tracked = self.inertial.carried(self.tracked, number, sparse_map)

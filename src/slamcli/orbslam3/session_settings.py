@@ -33,5 +33,9 @@ class SessionSettings:
     """So long, and for five frames at least, a lost frame is looked for in the map; then another map is begun where the track was lost."""
     mend_disparities: bool = False
     """Whether an error that all disparities share is looked for at the end (stereo)."""
+    final_bundle_adjustment: bool = True
+    """Whether each map is adjusted as a whole at the end (with an IMU it always is)."""
+    check_focal_length: bool = False
+    """Whether the focal lengths that fit best are looked for at the end (RGB-D)."""
     localise_only: bool = False
     """Whether the maps that were given stay as they are."""

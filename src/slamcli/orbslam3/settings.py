@@ -70,6 +70,8 @@ def session_settings(parameters: OrbSlam3Parameters, rig: CameraRig, camera: Pin
         least_start=min(500, parameters.extractor.num_features // 4),
         seed=seed,
         mend_disparities=rig.mode == "stereo" and parameters.slamcli.mend_disparities,
+        final_bundle_adjustment=parameters.slamcli.final_bundle_adjustment,
+        check_focal_length=rig.mode == "rgbd" and parameters.slamcli.check_focal_length,
         reckons_keyframes=parameters.device.imu.insert_keyframes_when_lost,
         places=PlaceSettings(fix_scale=not mono, seed=seed) if parameters.loop_closing else None,
     )

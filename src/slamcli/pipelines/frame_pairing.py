@@ -94,7 +94,11 @@ class FramePairing:
             log.warn(f"{self._main}: {found.num_backward} images are not later than the one before and are left out")
         if found.num_other_size:
             log.counts[f"{self._main}: images of another size"] += found.num_other_size
-            log.warn(f"{self._main}: {found.num_other_size} images have another size than the first and are left out")
+            height, width = (self._size or (0, 0))[:2]
+            log.warn(
+                f"{self._main}: {found.num_other_size} of {total + found.num_other_size} images are not {width} x {height} pixels"
+                " as the first is, and are left out (--start and --duration choose the stretch of one size)"
+            )
         if found.offsets_ns:
             offsets = np.array(found.offsets_ns) / 1e6
             median, furthest = float(np.median(offsets)), float(np.abs(offsets).max())

@@ -77,7 +77,7 @@ class SlamcliParameters:
         extension=True,
     )  # fmt: skip
     final_bundle_adjustment: bool = parameter(
-        True, "adjust all keyframes and points together at the end", extension=True
+        True, "adjust all keyframes and points together at the end (modes with an IMU always do)", extension=True
     )
     keyframe_share: float = parameter(
         0.9, "a frame that sees less than this share of its reference keyframe's points becomes a keyframe (the original with depth: 0.75)",
@@ -86,6 +86,11 @@ class SlamcliParameters:
     mend_disparities: bool = parameter(
         True,
         "take an error that all disparities share (calibration of a stereo camera) out of the map at the end",
+        extension=True,
+    )
+    check_focal_length: bool = parameter(
+        True,
+        "find at the end the focal lengths that fit images and depths best, and warn where the calibration has others (RGB-D)",
         extension=True,
     )
     equalise: bool = parameter(False, "equalise local contrast (CLAHE) before key points are found", extension=True)
