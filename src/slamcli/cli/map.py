@@ -166,9 +166,10 @@ def command(
     slamcli map run.db3 --scan-topic /front/scan --start 30 --duration 120
     slamcli map --algo cartographer second.mcap --load-state first/state.pbstream
     slamcli map --algo cartographer --load-state state.pbstream -o drawn
+    slamcli map --algo orbslam3 redkitchen --mode rgbd --dense mesh -o kitchen
     slamcli map --algo orbslam3 second.mcap --load-atlas first/atlas.npz --localise-only
 
-    The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan), map.png, report.html and run.json;
+    The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan or image), map.png, report.html and run.json;
     of graph-based systems also the graph, of 3D ones the points.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
