@@ -78,6 +78,9 @@ def test_merging_follows_chains_and_frames_follow_merging(rng):
     assert sparse_map.found[2] == 3
     sparse_map.remove_points(ids[2:3])
     assert sparse_map.resolved(np.array([0, 3])).tolist() == [-1, 3]
+    sparse_map.merge_points(ids[[0, 3]], ids[[3, 2]])  # neither with a point that is gone
+    assert sparse_map.point_alive.tolist() == [False, False, False, True]
+    assert sparse_map.found[3] == 1
 
 
 def test_covisibility_is_symmetric_and_sorted_by_weight(rng):

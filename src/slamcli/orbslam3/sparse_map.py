@@ -252,19 +252,22 @@ class SparseMap:
         target = np.arange(self.num_points)
         for gone, kept in zip(self.resolved(old).tolist(), new.tolist(), strict=True):
             kept = int(self.resolved(np.array([kept]))[0])
+            if gone < 0 or kept < 0:  # taken out of the map meanwhile
+                continue
             while target[gone] != gone:
                 gone = int(target[gone])
             while target[kept] != kept:
                 kept = int(target[kept])
-            if gone == kept or gone < 0 or kept < 0:
+            if gone == kept:
                 continue
             target[gone] = kept
             self.replaced_by[gone] = kept
             self.point_alive[gone] = False
             self.visible[kept] += self.visible[gone]
             self.found[kept] += self.found[gone]
-        while (flat := target[target]).tolist() != target.tolist():
-            target = flat
+        gone_ids = np.flatnonzero(target != np.arange(len(target)))
+        while (target[target[gone_ids]] != target[gone_ids]).any():
+            target[gone_ids] = target[target[gone_ids]]
         kernels.replace_points(self.seen, self.num_keyframes, target)
 
     def resolve(self, frame: Frame) -> None:
