@@ -87,7 +87,7 @@ class FramePairing:
             log.counts[f"{self._main}: images without a partner"] += found.num_alone
             log.warn(
                 f"{found.num_alone} of {total} images of {self._main} have no {what} on {self._partner} within"
-                f" {self._tolerance_ns / 1e6:g} ms and are left out"
+                f" {self._tolerance_ns / 1e6:g} ms and are left out (`slamcli doctor` says whether a clock is off)"
             )
         if found.num_backward:
             log.counts[f"{self._main}: images out of order"] += found.num_backward
