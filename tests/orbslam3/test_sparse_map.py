@@ -6,7 +6,7 @@ import pytest
 
 from slamcli.orbslam3 import _map_kernels as kernels
 from slamcli.orbslam3.frame import Frame
-from slamcli.orbslam3.sparse_map import SparseMap
+from slamcli.orbslam3.sparse_map import SparseMap, neighbours_in
 from slamcli.vision.features import Features
 from slamcli.vision.pinhole import Pinhole
 
@@ -91,6 +91,11 @@ def test_covisibility_is_symmetric_and_sorted_by_weight(rng):
     keyframe(sparse_map, rng, 60, 1, points=np.r_[ids[10:40], [-1] * 30])
     assert [part.tolist() for part in sparse_map.covisible(0)] == [[2, 1], [30, 20]]
     assert [part.tolist() for part in sparse_map.covisible(1)] == [[0], [20]]  # 10 shared with the other: too few
+    shared = sparse_map.all_shared()
+    assert shared.tolist() == [[0, 20, 30], [20, 0, 10], [30, 10, 0]]
+    assert [neighbours_in(shared, k).tolist() for k in range(3)] == [
+        sparse_map.covisible(k)[0].tolist() for k in range(3)
+    ]
     assert [part.tolist() for part in sparse_map.covisible(1, 10)] == [[0, 2], [20, 10]]
 
 

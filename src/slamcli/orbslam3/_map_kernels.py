@@ -27,6 +27,18 @@ def count_shared(seen, num_keyframes, marked):
 
 
 @njit(cache=True, nogil=True)
+def count_all_shared(offsets, keyframes, num_keyframes):
+    """Return int64 (K, K): how many points each two keyframes share, from who sees each point (`list_observations`)."""
+    shared = np.zeros((num_keyframes, num_keyframes), np.int64)
+    for r in range(len(offsets) - 1):
+        for a in range(offsets[r], offsets[r + 1]):
+            for b in range(a + 1, offsets[r + 1]):
+                shared[keyframes[a], keyframes[b]] += 1
+                shared[keyframes[b], keyframes[a]] += 1
+    return shared
+
+
+@njit(cache=True, nogil=True)
 def mark_seen(seen, keyframes, num_points):
     """Return bool (P,): which points any of the keyframes sees."""
     marked = np.zeros(num_points, np.bool_)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.orbslam3.sparse_map import Ids, SparseMap
+from slamcli.orbslam3.sparse_map import Ids, SparseMap, neighbours_in
 from slamcli.vision.bag_of_words import BagOfWords
 from slamcli.vision.keyframe_database import KeyframeDatabase
 from slamcli.vision.matching import match_brute_force
@@ -99,16 +99,26 @@ class PlaceIndex:
         if self._database is None:
             return self._alike(maps, place, usable, limit)
         bag = maps[place.map_number].words[place.keyframe]
-        found = self._database.place_candidates(
-            bag, lambda key: self._neighbours(maps, key), excluded=~usable, limit=limit
-        )
+        shared: dict[int, NDArray[np.int64]] = {}
+
+        def neighbours(key: int) -> Ids:
+            """Look it up in one table for each map: nearly every keyframe is asked for."""
+            number, keyframe = self._places[key]
+            if number not in shared:
+                shared[number] = maps[number].all_shared()
+            return self._keys_of(number, neighbours_in(shared[number], keyframe))
+
+        found = self._database.place_candidates(bag, neighbours, excluded=~usable, limit=limit)
         return [self._places[candidate.key] for candidate in found]
 
     def _neighbours(self, maps: Sequence[SparseMap], key: int) -> Ids:
         """Return the keys of the keyframes that share most points with one, the best first."""
         place = self._places[key]
-        found, _ = maps[place.map_number].covisible(place.keyframe)
-        keys = (self._keys.get(Place(place.map_number, keyframe)) for keyframe in found.tolist())
+        return self._keys_of(place.map_number, maps[place.map_number].covisible(place.keyframe)[0])
+
+    def _keys_of(self, number: int, keyframes: Ids) -> Ids:
+        """Return the keys of keyframes of a map that are in the index."""
+        keys = (self._keys.get(Place(number, keyframe)) for keyframe in keyframes.tolist())
         return np.array([key for key in keys if key is not None], dtype=np.int64)
 
     def _alike(self, maps: Sequence[SparseMap], place: Place, usable: NDArray[np.bool_], limit: int) -> list[Place]:

@@ -203,12 +203,12 @@ class SparseMap:
         marked = kernels.mark_seen(self.seen, np.array([keyframe], dtype=np.int64), self.num_points)
         counts = self.count_shared(marked)
         counts[keyframe] = 0
-        if (counts >= least).any():
-            found = np.flatnonzero(counts >= least)
-        else:  # the strongest alone, so that the graph holds together
-            found = np.array([counts.argmax()]) if counts.any() else np.empty(0, dtype=np.int64)
-        order = np.lexsort((found, -counts[found]))
-        return found[order], counts[found[order]]
+        return _strongest(counts, least)
+
+    def all_shared(self) -> NDArray[np.int64]:
+        """Return (K, K): how many points each two keyframes share, 0 on the diagonal."""
+        offsets, keyframes, _ = self.observations(np.flatnonzero(self.point_alive))
+        return kernels.count_all_shared(offsets, keyframes, self.num_keyframes)
 
     def count_shared(self, marked: NDArray[np.bool_]) -> Ids:
         """Return (K,): how many of the marked points (P,) each keyframe sees."""
@@ -317,6 +317,21 @@ class SparseMap:
         return redundant / total if total else 0.0
 
 
+def neighbours_in(shared: NDArray[np.int64], keyframe: int, least: int = _WEAK) -> Ids:
+    """Return the keyframes that share at least `least` points with one, the strongest first, by the table `SparseMap.all_shared`."""
+    return _strongest(shared[keyframe], least)[0]
+
+
+def _strongest(counts: Ids, least: int) -> tuple[Ids, Ids]:
+    """Return the keyframes with at least so many points in common, the strongest first, and their counts."""
+    if (counts >= least).any():
+        found = np.flatnonzero(counts >= least)
+    else:  # the strongest alone, so that the graph holds together
+        found = np.array([counts.argmax()]) if counts.any() else np.empty(0, dtype=np.int64)
+    order = np.lexsort((found, -counts[found]))
+    return found[order], counts[found[order]]
+
+
 def warm() -> None:
     """Compile the kernels of this module on tiny input."""
     sparse_map = SparseMap(Pinhole(fx=1.0, fy=1.0, cx=0.0, cy=0.0, width=2, height=2), np.array([1.0, 1.2]))
@@ -333,5 +348,6 @@ def warm() -> None:
     sparse_map.seen[1] = ids
     sparse_map.refresh_points(ids)
     sparse_map.covisible(0)
+    sparse_map.all_shared()
     sparse_map.redundancy(1, np.ones(2, dtype=np.bool_), sparse_map.count_observations(), 3)
     sparse_map.merge_points(ids[:1], ids[1:])
