@@ -150,6 +150,6 @@ def test_redundancy_counts_what_three_others_see_as_finely(rng):
         keyframe(sparse_map, rng, 2, k - 1, points=[ids[0], ids[1] if k < 3 else -1])
     sparse_map.octaves[:] = 2
     close = np.ones(2, dtype=bool)
-    assert sparse_map.redundancy(0, close, sparse_map.count_observations(), 3) == 0.5
+    assert sparse_map.redundancy(0, close, sparse_map.count_observations(), 3, sparse_map.sightings(ids)) == 0.5
     sparse_map.octaves[2, 0] = 4  # seen too coarsely there
-    assert sparse_map.redundancy(0, close, sparse_map.count_observations(), 3) == 0.0
+    assert sparse_map.redundancy(0, close, sparse_map.count_observations(), 3, sparse_map.sightings(ids)) == 0.0

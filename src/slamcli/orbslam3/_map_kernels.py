@@ -184,31 +184,28 @@ def refresh_points(
 
 
 @njit(cache=True, nogil=True)
-def count_redundant(seen, num_keyframes, keyframe, octaves, observations, close, least):
+def count_redundant(
+    seen, keyframe, octaves, observations, close, least, row_of_point, offsets, keyframes, features, alive
+):  # fmt: skip
     """Return (redundant, total) of the points that a keyframe sees closely: seen by `least` others at the same or a finer scale.
 
-    `close` bool (F,) says which features count; `observations` (P,) by how many keyframes a point is seen.
+    `close` bool (F,) says which features count; `observations` (P,) how often a point is seen; the rest is who sees each point
+    (`list_observations`), of which only living keyframes count.
     """
-    num_features = seen.shape[1]
-    finer = np.zeros(len(observations), np.int64)
-    octave_of = np.full(len(observations), -1, np.int64)
-    total = 0
-    for i in range(num_features):
+    total, redundant = 0, 0
+    for i in range(seen.shape[1]):
         p = seen[keyframe, i]
-        if p >= 0 and close[i]:
-            total += 1
-            if observations[p] > least:
-                octave_of[p] = octaves[keyframe, i]
-    for k in range(num_keyframes):
-        if k == keyframe:
+        if p < 0 or not close[i]:
             continue
-        for i in range(num_features):
-            p = seen[k, i]
-            if p >= 0 and octave_of[p] >= 0 and octaves[k, i] <= octave_of[p] + 1:
-                finer[p] += 1
-    redundant = 0
-    for i in range(num_features):
-        p = seen[keyframe, i]
-        if p >= 0 and close[i] and octave_of[p] >= 0 and finer[p] >= least:
+        total += 1
+        if observations[p] <= least:
+            continue
+        finer = 0
+        r = row_of_point[p]
+        for m in range(offsets[r], offsets[r + 1]):
+            k = keyframes[m]
+            if k != keyframe and alive[k] and octaves[k, features[m]] <= octaves[keyframe, i] + 1:
+                finer += 1
+        if finer >= least:
             redundant += 1
     return redundant, total

@@ -94,13 +94,14 @@ class LocalMapping:
         """Take out keyframes around the newest whose points others see as well (ORB-SLAM, section VI-E)."""
         neighbours, _ = sparse_map.covisible(keyframe)
         observations = sparse_map.count_observations()
+        sightings = sparse_map.sightings(sparse_map.points_of(neighbours))
         for k in sorted(neighbours.tolist()):
             if sparse_map.parent[k] < 0 or k >= keyframe - 1:
                 continue
             if self._inertial is not None and not self._inertial.may_cull(sparse_map, k):
                 continue
             close = self._close(sparse_map, k)
-            if sparse_map.redundancy(k, close, observations, 3) > self._settings.culling:
+            if sparse_map.redundancy(k, close, observations, 3, sightings) > self._settings.culling:
                 sparse_map.remove_keyframe(k)
                 observations = sparse_map.count_observations()
                 self._counts["keyframes culled"] += 1

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,15 @@ Ids = NDArray[np.int64]
 _POPCOUNT = np.array([bin(value).count("1") for value in range(256)], dtype=np.int64)
 _WEAK = 15
 """Keyframes that share fewer points are not neighbours in the covisibility graph (ORB-SLAM, section III-D)."""
+
+
+class Sightings(NamedTuple):
+    """Who sees chosen points, by `row_of_point` (P,), -1 for others: `offsets` (R + 1,), `keyframes` (M,), `features` (M,)."""
+
+    row_of_point: Ids
+    offsets: Ids
+    keyframes: Ids
+    features: Ids
 
 
 class SparseMap:
@@ -309,10 +318,20 @@ class SparseMap:
         """Return the points that any of the keyframes sees, in increasing order."""
         return np.flatnonzero(kernels.mark_seen(self.seen, np.asarray(keyframes, dtype=np.int64), self.num_points))
 
-    def redundancy(self, keyframe: int, close: NDArray[np.bool_], observations: Ids, least: int) -> float:
-        """Return the share of a keyframe's points (features `close` (F,)) that `least` others see as well at least as finely."""
+    def sightings(self, ids: Ids) -> Sightings:
+        """Return who sees points `ids` (R,), to be looked up by point."""
+        row_of_point = np.full(self.num_points, -1, dtype=np.int64)
+        row_of_point[ids] = np.arange(len(ids))
+        return Sightings(
+            row_of_point, *kernels.list_observations(self.seen, self.num_keyframes, row_of_point, len(ids))
+        )
+
+    def redundancy(
+        self, keyframe: int, close: NDArray[np.bool_], observations: Ids, least: int, sightings: Sightings
+    ) -> float:
+        """Return the share of a keyframe's points (features `close` (F,)) that `least` living others see as well at least as finely."""
         redundant, total = kernels.count_redundant(
-            self.seen, self.num_keyframes, keyframe, self.octaves, observations, close, least
+            self.seen, keyframe, self.octaves, observations, close, least, *sightings, self.keyframe_alive
         )
         return redundant / total if total else 0.0
 
@@ -349,5 +368,5 @@ def warm() -> None:
     sparse_map.refresh_points(ids)
     sparse_map.covisible(0)
     sparse_map.all_shared()
-    sparse_map.redundancy(1, np.ones(2, dtype=np.bool_), sparse_map.count_observations(), 3)
+    sparse_map.redundancy(1, np.ones(2, dtype=np.bool_), sparse_map.count_observations(), 3, sparse_map.sightings(ids))
     sparse_map.merge_points(ids[:1], ids[1:])
