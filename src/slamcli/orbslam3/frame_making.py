@@ -22,7 +22,7 @@ from slamcli.vision.reduction import reduced_picture
 from slamcli.vision.stereo_matching import match_stereo
 
 _STEP = 8
-"""Of the pixels whose depth is kept for the occupancy grid, every so manieth column and row."""
+"""The depth of one column and row in so many is kept, for the occupancy grid."""
 
 
 class FrameMaker:

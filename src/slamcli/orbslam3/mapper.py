@@ -34,7 +34,7 @@ class OrbSlam3Mapper:
                 "orbslam3: an atlas keeps nothing of an IMU, so an inertial mode can find frames in its maps (--localise-only) "
                 f"but not go on mapping there: take --mode {setup.rig.mode}"
             )
-        self._parameters, self._setup, self._log = parameters, setup, setup.log
+        self._setup, self._log = setup, setup.log
         self._maker = FrameMaker(parameters, setup.rig)
         self._imu = _imu(setup.rig, self._maker)
         self._session = Session(
