@@ -26,13 +26,7 @@ from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.second_look import second_look
 from slamcli.orbslam3.session_settings import SessionSettings
 from slamcli.orbslam3.sparse_map import SparseMap
-from slamcli.orbslam3.tracking import (
-    LocalTrack,
-    count_sightings,
-    track_keyframe,
-    track_local_map,
-    track_motion,
-)
+from slamcli.orbslam3.tracking import LocalTrack, count_sightings, track_keyframe, track_local_map, track_motion
 from slamcli.vision.bag_of_words import BagOfWords
 from slamcli.vision.pinhole import Pinhole
 from slamcli.vision.vocabulary import Vocabulary
@@ -110,7 +104,7 @@ class Session:
     def _take(self, frame: Frame, *, again: bool = False) -> None:
         """`again`: the frame was looked for in the maps before."""
         last = self._last
-        if last is not None and self.inertial is None and repeats(last, frame):
+        if last is not None and self.inertial is None and not self._waiting and repeats(last, frame):
             self._repeat(frame)
             return
         held = self._begin(frame, again=again) if last is None else self._track(last, frame) or self._look_for(frame)
