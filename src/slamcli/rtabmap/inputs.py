@@ -24,7 +24,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
     """
     del given, log
     scans = offer.num_laser_scans + offer.num_multi_echo_laser_scans
-    cameras = next((mode for mode in ("rgbd", "stereo") if mode in offer.cameras), None)
+    cameras: str | None = next((mode for mode in ("rgbd", "stereo") if mode in offer.cameras), None)
     if offer.mode in ("rgbd", "stereo") and offer.mode not in offer.cameras:
         raise UsageError(f"--mode {offer.mode}: the recording has no such images")
     cameras = None if offer.mode == "scan" else offer.mode or cameras
