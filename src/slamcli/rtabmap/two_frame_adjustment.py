@@ -140,7 +140,7 @@ def _inverse(information: Floats) -> Floats:
 
 def _freedom(view: SharedView) -> NDArray[np.int64]:
     """Return how many numbers (N,) each match has more than its point."""
-    return 1 + sum(_stereo(features, view.camera).astype(np.int64) for features in (view.a, view.b))
+    return 1 + _stereo(view.a, view.camera).astype(np.int64) + _stereo(view.b, view.camera)
 
 
 def _unit_variance(view: SharedView, residuals: Floats, median_ratio: int) -> float:
