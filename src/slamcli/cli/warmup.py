@@ -60,6 +60,7 @@ ROOMS = (
     "vision.orb",
     "vision.pnp",
     "vision.pose_optimisation",
+    "vision.row_matching",
     "vision.similarity_optimisation",
     "vision.similarity_ransac",
     "vision.stereo_matching",
