@@ -16,7 +16,7 @@ NONE = np.zeros((0, 2))
 
 def at(grid, x, y):
     column, row = (
-        int(math.floor((v - o) / grid.resolution_m + 1e-9)) for v, o in ((x, grid.origin[0]), (y, grid.origin[1]))
+        math.floor((v - o) / grid.resolution_m + 1e-9) for v, o in ((x, grid.origin[0]), (y, grid.origin[1]))
     )
     return int(grid.cells[row, column])
 
