@@ -52,6 +52,7 @@ ROOMS = (
     "trajectory.attitude",
     "vision.bundle_adjustment",
     "vision.camera_system",
+    "vision.depth_coding",
     "vision.keyframe_database",
     "vision.lens",
     "vision.matching",
