@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
@@ -49,6 +50,8 @@ class MappingResult:
     """Both sides of loops that were closed."""
     atlas: VisualAtlas | None = None
     """All maps of a tier that sees, from which mapping can go on."""
+    database: Path | None = None
+    """The long-term memory of a tier that keeps one (`Setup.database`), closed."""
 
 
 class Mapper(Protocol):
@@ -59,6 +62,18 @@ class Mapper(Protocol):
 
     def finish(self) -> MappingResult:
         """End the run and return its result; the mapper is of no use afterwards."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DatabaseChoice:
+    """Where the long-term memory of a tier that keeps one lies while the mapper runs."""
+
+    path: Path
+    """In a folder that can be written to."""
+    append: bool = False
+    """Whether the file is there, and its map is gone on from; otherwise there is no such file yet."""
+    keep: bool = False
+    """Whether the user named it, and it stays where it is; otherwise it ends in the folder of the result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +95,9 @@ class Setup:
     atlas: VisualAtlas | None = None
     """The same for tiers that see (``--load-atlas``)."""
     localise_only: bool = False
-    """Whether the maps of `atlas` stay as they are, and no others are begun."""
+    """Whether the maps of `atlas` or `database` stay as they are, and no others are begun."""
+    database: DatabaseChoice | None = None
+    """The long-term memory, for tiers that keep one (`Tier.remembers`)."""
     vocabulary: Vocabulary | None = None
     """By which tiers that see know places again; None: by descriptors alone."""
     no_return: str = "ignore"
@@ -90,7 +107,7 @@ class Setup:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorOffer:
-    """What a recording holds for a tier to use; where the user named topics of a kind, only those."""
+    """What a recording holds for a tier to use, of the roles that it has; where the user named topics of a kind, only those."""
 
     num_laser_scans: int
     num_multi_echo_laser_scans: int = 0
@@ -102,7 +119,7 @@ class SensorOffer:
     fixes: bool = False
     landmarks: bool = False
     named: frozenset[str] = frozenset()
-    """Roles (see `Tier.roles`) whose topics the user named: they are used whatever a configuration says."""
+    """Roles (see `Tier.roles`; ``images`` for any camera topic) whose topics the user named: they are used whatever a configuration says."""
     mode: str | None = None
     """The mode (see `Tier.modes`) that the user asks for."""
     cameras: frozenset[str] = frozenset()
@@ -128,7 +145,9 @@ class InputPlan:
     """None: scanners of several echoes count as laser scans."""
     num_point_clouds: int = 0
     spatial: bool = False
-    """Whether the map has three dimensions: then a tilted scanner is no mistake."""
+    """Whether the map has three dimensions: then a tilted scanner is no mistake, and odometry is not flattened."""
+    keep_scans: bool = False
+    """Whether scans stay scans in a map of three dimensions; otherwise they become clouds there."""
     odometry: bool = True
     imu: bool = False
     fixes: bool = False
@@ -156,6 +175,8 @@ class Tier(Protocol):
     """Ways in which it can run that the user can choose between (``--mode``)."""
     resumes: bool
     """Whether it goes on from a saved state (`Setup.state`) and ends with one."""
+    remembers: bool
+    """Whether it keeps its map in a database (`Setup.database`), and takes such databases as recordings."""
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
         """Return which sensors to take of those that are offered; `given` are the parameters that the user set, by native name."""

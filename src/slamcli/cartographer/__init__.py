@@ -21,6 +21,7 @@ class CartographerTier:
     roles = ROLES
     modes = MODES
     resumes = True
+    remembers = False
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
         """Return which sensors to take of those that are offered."""

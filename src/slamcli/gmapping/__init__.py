@@ -19,6 +19,7 @@ class GmappingTier:
     roles = frozenset({"scans", "odometry"})
     modes: tuple[str, ...] = ()
     resumes = False
+    remembers = False
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:  # noqa: ARG002
         """Return that one scanner is used, and the odometry where there is one."""

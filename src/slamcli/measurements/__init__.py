@@ -13,7 +13,7 @@ from slamcli.measurements.image import Image
 from slamcli.measurements.imu import ImuSample
 from slamcli.measurements.landmarks import LandmarkObservation, Landmarks
 from slamcli.measurements.laser import LaserScan
-from slamcli.measurements.motion import FrameTransform, Odometry, StampedPose, StampedTwist
+from slamcli.measurements.motion import FrameTransform, Odometry, SessionStart, StampedPose, StampedTwist
 from slamcli.measurements.points import PointCloud
 
 Measurement = (
@@ -30,6 +30,7 @@ Measurement = (
     | CameraModel
     | GeoFix
     | Landmarks
+    | SessionStart
 )
 
 __all__ = [
@@ -48,6 +49,7 @@ __all__ = [
     "PointCloud",
     "RgbdFrame",
     "RigCalibration",
+    "SessionStart",
     "StampedPose",
     "StampedTwist",
     "StereoPair",

@@ -99,3 +99,13 @@ class FrameTransform:
         check_pose(
             f"transform {self.parent_frame_id} -> {self.child_frame_id}", self.stamp_ns, self.position_m, self.quat_xyzw
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionStart:
+    """A recording ends and another begins: the robot may be elsewhere, and odometry begins anew."""
+
+    stamp_ns: int
+    """Of the first measurement that follows; it may lie before those of the recording before."""
+    source: str = ""
+    """Name of the recording that begins, for messages."""

@@ -20,6 +20,7 @@ class OrbSlam3Tier:
     roles = ROLES
     modes = MODES
     resumes = False
+    remembers = False
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:  # noqa: ARG002
         """Return which cameras to take of those that are offered, and whether the IMU."""

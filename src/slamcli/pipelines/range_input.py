@@ -124,7 +124,7 @@ class SensorFeed:
             if isinstance(measurement, LaserScan):
                 scan = normalisers[measurement.topic].normalise(measurement)
                 blind.see(scan)
-                yield cloud_of(scan) if self.plan.spatial else scan
+                yield cloud_of(scan) if self.plan.spatial and not self.plan.keep_scans else scan
             elif self.picks.fixes is not None and measurement.topic == self.picks.fixes.name:
                 yield from fixed.poses(measurement)
             elif isinstance(measurement, Odometry):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,14 @@ class NodeScan:
     """0: not known."""
     open_ends: NDArray[np.float32] | None = None
     """(M, 3), metres, base frame: ends of rays that met nothing (known to be free that far)."""
+
+    def moved(self, T_new_old: NDArray[np.float64]) -> NodeScan:
+        """Return the scan as it is seen from another place of the base: p_new = T_new_old @ p_old."""
+        ends = self.open_ends
+        return replace(
+            self, points=_moved(self.points, T_new_old), T_base_sensor=T_new_old @ self.T_base_sensor,
+            open_ends=None if ends is None else _moved(ends, T_new_old),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,6 +70,10 @@ class Signature:
     word_ids: NDArray[np.int64]
     """int64 (N,), word of the dictionary, from 1 on; 0 for key points that are not quantised."""
     scan: NodeScan | None = None
+
+
+def _moved(points: NDArray[np.float32], T_new_old: NDArray[np.float64]) -> NDArray[np.float32]:
+    return (points.astype(np.float64) @ T_new_old[:3, :3].T + T_new_old[:3, 3]).astype(np.float32)
 
 
 def no_features() -> Features:

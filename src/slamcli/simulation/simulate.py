@@ -102,16 +102,18 @@ class Simulation:
         yield from heapq.merge(*streams, key=lambda message: message.log_time_ns)
 
     def truth(self) -> Trajectory:
-        """Return where the base frame truly was at each scan (without a planar scanner: cloud, else image), under its stamp.
+        """Return where the base frame truly was at each scan (without a planar scanner: cloud) and each image, under its stamp.
 
-        Scans and clouds count from their beginning, images have the middle of their exposure.
+        Scans and clouds count from their beginning, images have the middle of their exposure. Of several under one stamp
+        the scan's pose stands.
         """
         p = self.parameters
         times = self.scan_times_s if p.laser_enabled else self.cloud_times_s
         stamps = self._scan_stamps_ns(times)
-        if not len(times):
-            times = self.frame_times_s
-            stamps = self._stamps_ns(times, p.clock_camera_offset)
+        if len(self.frame_times_s):
+            both = np.concatenate([stamps, self._stamps_ns(self.frame_times_s, p.clock_camera_offset)])
+            stamps, chosen = np.unique(both, return_index=True)
+            times = np.concatenate([times, self.frame_times_s])[chosen]
         positions, rotations = self.ride.at(times)
         return Trajectory(stamps, positions, quaternion.from_matrix(rotations), MAP_FRAME, p.robot_base_frame)
 

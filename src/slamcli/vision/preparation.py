@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -91,6 +91,7 @@ class Preparation:
         self.width, self.height = _size(rig, self._settings)
         self._maps: tuple[Maps, Maps] | None = None
         self._lens: Lens | None = None
+        self._unbent: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         T_main_camera = np.eye(4)
         if rig.mode == "stereo":
             pair = rectify(
@@ -165,6 +166,25 @@ class Preparation:
             octaves=features.octaves[keep], angles=features.angles[keep], responses=features.responses[keep],
             descriptors=features.descriptors[keep], right=features.right[keep], depth=features.depth[keep],
             raw_pixels=features.raw_pixels[keep],
+        )  # fmt: skip
+
+    def through_pinhole(self, frame: PreparedFrame) -> PreparedFrame:
+        """Return a prepared frame as the ideal camera sees it: its lens bends nothing (depth: the nearest pixel's).
+
+        Pixels that the lens does not see are black, and of unknown depth. Stereo images are rectified already.
+        """
+        if self._lens is None:
+            return frame
+        if self._unbent is None:
+            self._unbent = _bent_places(self._lens, self.width, self.height)
+        u, v = self._unbent
+
+        def moved(image: NDArray[Any] | None, how: int) -> Any:
+            return None if image is None else cv2.remap(image, u, v, how)
+
+        return replace(
+            frame, grey=moved(frame.grey, cv2.INTER_LINEAR), colour=moved(frame.colour, cv2.INTER_LINEAR),
+            depth=moved(frame.depth, cv2.INTER_NEAREST),
         )  # fmt: skip
 
     def _take_pair(self, pair: Rectification) -> Pinhole:
@@ -263,6 +283,15 @@ def _border(width: int, height: int) -> NDArray[np.float64]:
     sides = [np.column_stack([u, np.full_like(u, at)]) for at in (0.0, height - 1.0)]
     sides += [np.column_stack([np.full_like(v, at), v]) for at in (0.0, width - 1.0)]
     return np.vstack(sides)
+
+
+def _bent_places(lens: Lens, width: int, height: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return where each pixel of the ideal camera lies in the image of the lens, two float32 (H, W) maps."""
+    v, u = np.mgrid[0:height, 0:width]
+    rays = np.column_stack([(u.ravel() - lens.cx) / lens.fx, (v.ravel() - lens.cy) / lens.fy])
+    places = lens.distort(rays).astype(np.float32).reshape(height, width, 2)
+    places[~np.isfinite(places)] = -1e6
+    return np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
 
 
 def _red_first(pixels: NDArray[np.uint8], image: Image) -> NDArray[np.uint8] | None:
