@@ -58,6 +58,18 @@ class OdometrySettings:
     filtering: Filtering = Filtering.NONE
     kalman_process: float = 0.001
     kalman_measurement: float = 0.01
-    floor_threshold_m: float | None = None
-    """Points lower than this above the base frame are not taken; None: all are."""
-    align_with_ground: bool = False
+    particles: int = 400
+    particle_noise_t: float = 0.002
+    """Metres a second."""
+    particle_lambda_t: float = 100.0
+    particle_noise_r: float = 0.002
+    """Radians a second."""
+    particle_lambda_r: float = 100.0
+    floor_threshold_m: float = 0.0
+    """Points lower than this above the base frame are not taken; 0: all are."""
+    seed: int = 0
+
+    @property
+    def filters_motion(self) -> bool:
+        """Whether the poses that are given out are others than those that were found."""
+        return self.filtering is not Filtering.NONE or not self.holonomic
