@@ -44,6 +44,8 @@ class Declaration:
     """False for a parameter that is accepted but has no meaning offline."""
     extension: bool
     """True for a parameter that the followed system does not have."""
+    unavailable: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    """Values that the followed system has and slamcli has not: why, and what to choose instead."""
 
 
 def parameter(
@@ -56,6 +58,7 @@ def parameter(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: Iterable[str] = (),
+    unavailable: Mapping[str, str] | None = None,
     effective: bool = True,
     extension: bool = False,
 ) -> Any:
@@ -68,13 +71,14 @@ def parameter(
         minimum=minimum,
         maximum=maximum,
         choices=tuple(choices),
+        unavailable=dict(unavailable or {}),
         effective=effective,
         extension=extension,
     )
     return dataclasses.field(default=default, metadata={"parameter": metadata})
 
 
-def group(default: Any, *, name: str | None = None) -> Any:
+def group(default: Any, *, name: str | None = None, separator: str = ".") -> Any:
     """Declare a group of parameters: a field whose value is another parameter dataclass.
 
     Parameters
@@ -82,9 +86,11 @@ def group(default: Any, *, name: str | None = None) -> Any:
     default
         Instance with the values that are the defaults here (a dataclass may stand in several places with others).
     name
-        What comes before the native names of its parameters, joined by a dot; "" adds nothing. Default: the field's name.
+        What comes before the native names of its parameters; "" adds nothing. Default: the field's name.
+    separator
+        What joins the two.
     """
-    return dataclasses.field(default=default, metadata={"group": {"name": name}})
+    return dataclasses.field(default=default, metadata={"group": {"name": name, "separator": separator}})
 
 
 def declarations(parameters: type) -> tuple[Declaration, ...]:
@@ -98,7 +104,7 @@ def _declared(parameters: type, defaults: Any, name_prefix: str, field_prefix: s
         if "group" in field.metadata:
             name = field.metadata["group"]["name"]
             name = field.name if name is None else name
-            prefix = f"{name_prefix}{name}." if name else name_prefix
+            prefix = f"{name_prefix}{name}{field.metadata['group']['separator']}" if name else name_prefix
             yield from _declared(type(default), default, prefix, f"{field_prefix}{field.name}.")
             continue
         facts = dict(field.metadata["parameter"])
@@ -165,6 +171,8 @@ def convert(declaration: Declaration, value: Any) -> Any:
             declaration.kind.__name__, "text"
         )
         raise ConfigError(f"{declaration.name}={value!r}: not {kind}") from error
+    if str(converted) in declaration.unavailable:
+        raise ConfigError(f"{declaration.name}={value!r}: {declaration.unavailable[str(converted)]}")
     if (
         declaration.choices
         and str(converted) not in declaration.choices

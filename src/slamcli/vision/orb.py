@@ -111,7 +111,7 @@ def extract_orb(grey: Grey, settings: OrbSettings | None = None, mask: NDArray[A
         raise DataError(f"ORB: the mask is {mask.shape}, the image {grey.shape}")
     # Writable: for numba, arrays that are not are of another type, to be compiled for anew.
     pyramid = image_pyramid(np.require(grey, requirements=["C", "W"]), settings)
-    found = [_level_corners(image, settings, _masked(mask, image)) for image in pyramid]
+    found = [_level_corners(image, settings, mask) for image in pyramid]
     quotas = _quotas([len(corners.columns) for corners, _ in found], settings)
     levels = [
         _describe_level(image, _chosen(image, *corners, quota), level, grey.shape, settings)
@@ -133,13 +133,11 @@ def image_pyramid(grey: Grey, settings: OrbSettings) -> tuple[Grey, ...]:
     return tuple(pyramid)
 
 
-def _masked(mask: NDArray[Any] | None, image: Grey) -> NDArray[np.bool_] | None:
-    """The mask at the size of a level."""
-    if mask is None:
-        return None
-    rows = (np.arange(image.shape[0]) + 0.5) * (mask.shape[0] / image.shape[0])
-    columns = (np.arange(image.shape[1]) + 0.5) * (mask.shape[1] / image.shape[1])
-    return np.asarray(mask[np.ix_(rows.astype(np.int64), columns.astype(np.int64))] != 0)
+def _allowed(mask: NDArray[Any], image: Grey, columns: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which pixels of a level the mask, of the image's size, does not exclude."""
+    at_row = ((rows + 0.5) * (mask.shape[0] / image.shape[0])).astype(np.int64)
+    at_column = ((columns + 0.5) * (mask.shape[1] / image.shape[1])).astype(np.int64)
+    return np.asarray(mask[at_row, at_column] == 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,13 +154,11 @@ class _Corners:
         return _Corners(self.columns[some], self.rows[some], self.scores[some], self.peaks[some])
 
 
-def _level_corners(
-    image: Grey, settings: OrbSettings, mask: NDArray[np.bool_] | None
-) -> tuple[_Corners, NDArray[np.bool_]]:
+def _level_corners(image: Grey, settings: OrbSettings, mask: NDArray[Any] | None) -> tuple[_Corners, NDArray[np.bool_]]:
     """A level's corners, and which of them are wanted first."""
     found = _Corners(*_corner_kernels.corners(image, _BORDER, np.uint8(settings.minimum_threshold)))
     if mask is not None:
-        found = found[~mask[found.rows, found.columns]]
+        found = found[_allowed(mask, image, found.columns, found.rows)]
     height, width = image.shape
     initial = np.uint8(settings.initial_threshold)
     first = _corner_kernels.strong_in_cells(
@@ -211,8 +207,7 @@ def _describe_level(
     descriptors = np.zeros((count, 32), dtype=np.uint8)
     if count:
         angles = _orb_kernels.centroid_angles(image, columns, rows, _HALF_WIDTHS)
-        smooth = cv2.sepFilter2D(image, cv2.CV_8U, _GAUSSIAN, _GAUSSIAN, borderType=cv2.BORDER_REFLECT_101)
-        _orb_kernels.describe(smooth, columns, rows, angles, _PATTERN_X, _PATTERN_Y, descriptors)
+        _orb_kernels.describe(_smooth(image), columns, rows, angles, _PATTERN_X, _PATTERN_Y, descriptors)
     stretch = np.array([shape[1], shape[0]]) / np.maximum(np.array([image.shape[1], image.shape[0]]), 1)
     places = np.column_stack([columns, rows]).astype(np.float64)
     if settings.subpixel:
@@ -229,6 +224,28 @@ def _describe_level(
         depth=np.full(count, math.nan),
         raw_pixels=pixels.copy(),
     )
+
+
+def _smooth(image: Grey) -> Grey:
+    smooth = cv2.sepFilter2D(image, cv2.CV_8U, _GAUSSIAN, _GAUSSIAN, borderType=cv2.BORDER_REFLECT_101)
+    return np.asarray(smooth, dtype=np.uint8)
+
+
+def describe_at(
+    grey: Grey, places: NDArray[np.int64], *, upright: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return angles (N,), radians, and descriptors (N, 32) of pixels (N, 2) at least 19 pixels inside an image (H, W).
+
+    `upright`: all angles are 0, so that the pattern is not turned.
+    """
+    columns, rows = np.ascontiguousarray(places[:, 0]), np.ascontiguousarray(places[:, 1])
+    descriptors = np.zeros((len(places), 32), dtype=np.uint8)
+    if not len(places):
+        return np.zeros(0), descriptors
+    image = np.require(grey, requirements=["C", "W"])
+    angles = np.zeros(len(places)) if upright else _orb_kernels.centroid_angles(image, columns, rows, _HALF_WIDTHS)
+    _orb_kernels.describe(_smooth(image), columns, rows, angles, _PATTERN_X, _PATTERN_Y, descriptors)
+    return angles, descriptors
 
 
 def _joined(levels: list[Features]) -> Features:

@@ -13,6 +13,13 @@ _MOST_COLUMNS = 240
 _QUALITY = 75
 
 
+def reduced_grey(grey: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+    """Return an image (H, W) made `step` times smaller by averages; what does not fill a whole pixel at the end is cut off."""
+    height, width = grey.shape[0] // step, grey.shape[1] // step
+    cut = grey[: height * step, : width * step]
+    return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
 def reduced_picture(image: NDArray[np.uint8]) -> Picture:
     """Return the picture of an image, uint8 (H, W) or (H, W, 3) red first."""
     height, width = image.shape[:2]

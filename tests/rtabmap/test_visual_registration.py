@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: MIT
+"""Registration by features: right motions, honest covariances, and sentences where there is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from visual_worlds import CAMERA, T_BASE_CAMERA, error, motion, signature, world
+
+from slamcli.rtabmap.parameters import RegGroup, VisGroup
+from slamcli.rtabmap.registration import flat_motion
+from slamcli.rtabmap.signature import no_features
+from slamcli.rtabmap.visual_registration import inliers_distribution, register_best, register_visual
+from slamcli.rtabmap.visual_settings import VisualSettings, visual_settings
+
+TRUTH = motion(0.5, 0.3, 0.05, (0.05, 0.02, 0.3))
+
+
+def pair(seed=0, *, noise_px=0.5, flips=0.08, truth=TRUTH, unknown=0.1):
+    points, descriptors = world(seed)
+    rng = np.random.default_rng(100 + seed)
+    noise = {"rng": rng, "noise_px": noise_px, "flips": flips, "unknown": unknown}
+    return signature(1, np.eye(4), points, descriptors, **noise), signature(2, truth, points, descriptors, **noise)
+
+
+def register(a, b, seed=0, guess=None, **settings):
+    return register_visual(a, b, CAMERA, T_BASE_CAMERA, VisualSettings(**settings), seed=seed, guess=guess)
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_each_estimation_type_finds_the_motion(kind):
+    a, b = pair(noise_px=0.1)
+    found = register(a, b, estimation_type=kind)
+    assert found.T_a_b is not None, found.reason
+    assert np.abs(error(found.T_a_b, TRUTH)).max() < 0.01
+    assert found.num_inliers == len(found.matches) > 100
+    assert found.reason == ""
+
+
+def test_covariance_tells_how_large_the_errors_are():
+    values = []
+    for seed in range(30):
+        a, b = pair(seed, noise_px=0.8)
+        found = register(a, b)
+        wrong = error(found.T_a_b, TRUTH)
+        values.append(wrong @ np.linalg.solve(found.covariance, wrong))
+    assert 0.7 < np.mean(values) / 6 < 1.5  # 1 for honest ones; 30 samples of 6 numbers have a sigma of 0.11
+
+
+def test_covariance_without_bundle_adjustment_is_that_of_a_point():
+    a, b = pair(noise_px=0.3)
+    alone, together = register(a, b, bundle_adjustment=0), register(a, b)
+    assert np.allclose(alone.covariance, np.diag(np.diag(alone.covariance)))
+    assert alone.covariance[0, 0] > 5 * together.covariance[0, 0]
+    coarse = register(a, b, bundle_adjustment=0, pnp_variance_median_ratio=2)
+    assert coarse.covariance[0, 0] > alone.covariance[0, 0]
+
+
+def test_moving_both_places_changes_nothing():
+    elsewhere = motion(3.0, -2.0, 0.5, (0.1, -0.2, 2.0))
+    points, descriptors = world(3)
+    moved = points @ elsewhere[:3, :3].T + elsewhere[:3, 3]
+    found = []
+    for T, cloud in ((np.eye(4), points), (elsewhere, moved)):
+        rng = np.random.default_rng(5)
+        a = signature(1, T, cloud, descriptors, rng=rng, noise_px=0.0)
+        b = signature(2, T @ TRUTH, cloud, descriptors, rng=rng, noise_px=0.0)
+        found.append(register(a, b).T_a_b)
+    assert np.allclose(found[0], found[1], atol=1e-6)
+    assert np.allclose(found[0], TRUTH, atol=1e-6)
+
+
+def test_wide_changes_that_blur_descriptors_are_bridged_by_searching_again():
+    once = again = 0
+    for seed in range(5):
+        a, b = pair(seed, flips=0.24, noise_px=0.3)
+        once += register(a, b, repeat_once=False).T_a_b is not None
+        found = register(a, b)
+        again += found.T_a_b is not None and np.abs(error(found.T_a_b, TRUTH)).max() < 0.02
+    assert once < again == 5
+
+
+def test_a_guess_is_where_matches_are_sought():
+    a, b = pair()
+    near = register(a, b, guess=TRUTH @ motion(0.02, 0.01))
+    assert near.T_a_b is not None
+    assert np.abs(error(near.T_a_b, TRUTH)).max() < 0.02
+    far = register(a, b, guess=TRUTH @ motion(rotvec=(0, 0, 0.5)))
+    assert far.T_a_b is None
+    assert "fewer than" in far.reason
+    assert register(a, b, guess=TRUTH @ motion(rotvec=(0, 0, 0.5)), cor_guess_win_size=0).T_a_b is not None
+
+
+def test_other_places_are_refused_with_a_sentence():
+    a, _ = pair(0)
+    _, b = pair(1)
+    found = register(a, b)
+    assert found.T_a_b is None
+    assert "features" in found.reason
+    assert found.covariance[0, 0] > 1000
+    empty = replace(b, features=no_features(), points=np.zeros((0, 3)))
+    assert register(a, empty).reason == "node 2 has no features"
+    assert register(empty, a).reason == "node 2 has no features"
+    blind = replace(a, points=np.full_like(a.points, np.nan))
+    assert "whose depth is known" in register(blind, b).reason
+
+
+@pytest.mark.parametrize(
+    ("setting", "word"),
+    [
+        ({"mean_inliers_distance": 1.0}, "away on average"),
+        ({"min_inliers_distribution": 0.5}, "spread"),
+        ({"pnp_max_variance": 1e-9}, "lie apart"),
+        ({"min_inliers": 400}, "fewer than 400"),
+    ],
+)
+def test_limits_refuse(setting, word):
+    a, b = pair()
+    found = register(a, b, **setting)
+    assert found.T_a_b is None
+    assert word in found.reason
+
+
+def test_same_seed_same_bytes():
+    a, b = pair()
+    assert register(a, b, seed=4).T_a_b.tobytes() == register(a, b, seed=4).T_a_b.tobytes()
+
+
+def test_the_neighbour_with_most_inliers_wins():
+    points, descriptors = world(2)
+    rng = np.random.default_rng(1)
+    far = signature(1, motion(-1.0, 0.0, 0.0, (0, 0, 0.9)), points, descriptors, rng=rng, noise_px=0.3)
+    near = signature(2, motion(0.4, 0.3, 0.0, (0, 0, 0.25)), points, descriptors, rng=rng, noise_px=0.3)
+    b = signature(3, TRUTH, points, descriptors, rng=rng, noise_px=0.3)
+    best, found = register_best([far, near], b, CAMERA, T_BASE_CAMERA, VisualSettings(), seed=0)
+    assert best == 2
+    assert found.num_inliers > register_visual(far, b, CAMERA, T_BASE_CAMERA, VisualSettings(), seed=0).num_inliers
+
+
+def test_flat_motion_keeps_place_and_heading():
+    flat = flat_motion(motion(1.0, 2.0, 3.0, (0.0, 0.0, 0.7)))
+    assert np.allclose(flat, motion(1.0, 2.0, 0.0, (0.0, 0.0, 0.7)))
+    a, b = pair()
+    assert register(a, b, force_3dof=True).T_a_b[2, 3] == 0.0
+
+
+def test_distribution_is_the_smaller_variance_over_the_image():
+    grid = np.stack(np.meshgrid(np.linspace(0, 640, 101), np.linspace(0, 480, 101)), axis=-1).reshape(-1, 2)
+    assert inliers_distribution(grid, CAMERA) == pytest.approx(1 / 12, rel=0.03)
+    assert inliers_distribution(grid * (1, 0), CAMERA) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_settings_are_the_parameters():
+    assert visual_settings(VisGroup(), RegGroup()) == VisualSettings()
+    told = visual_settings(VisGroup(min_inliers=7, cor_nndr=0.6), RegGroup(force_3dof=True, repeat_once=False))
+    assert told == VisualSettings(min_inliers=7, cor_nndr=0.6, force_3dof=True, repeat_once=False)
