@@ -51,8 +51,8 @@ class FrameMatch:
 class FrameMatcher:
     """Matches one frame after the other."""
 
-    def __init__(self, settings: OdometrySettings, seed: int) -> None:
-        self._settings, self._seed = settings, seed
+    def __init__(self, settings: OdometrySettings) -> None:
+        self._settings = settings
 
     def by_guess(
         self, local_map: LocalMap, features: Features, grid: FeatureGrid, T_guess: Floats
@@ -123,7 +123,7 @@ class FrameMatcher:
         try:
             sampled = estimate_pose_pnp(
                 local_map.positions[points], features.pixels[matched[hits]], features.sigmas[matched[hits]], local_map.camera,
-                seed=self._seed + number, iterations=self._settings.iterations, min_inliers=max(self._settings.min_inliers // 2, 6),
+                seed=self._settings.seed + number, iterations=self._settings.iterations, min_inliers=max(self._settings.min_inliers // 2, 6),
                 right=features.right[matched[hits]],
             )  # fmt: skip
         except EstimationError:

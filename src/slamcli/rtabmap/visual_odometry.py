@@ -42,16 +42,14 @@ class VisualOdometry:
         The ideal camera with a (virtual) baseline, as `FeatureExtractor.camera`.
     T_base_camera
         float64 (4, 4), its pose in the base frame.
-    seed
-        Of RANSAC.
     """
 
-    def __init__(self, settings: OdometrySettings, camera: Pinhole, T_base_camera: Floats, *, seed: int = 0) -> None:
+    def __init__(self, settings: OdometrySettings, camera: Pinhole, T_base_camera: Floats) -> None:
         self.settings, self.camera = settings, camera
         self.counts: Counter[str] = Counter()
         """What happened how often."""
         self._T_base_camera, self._T_camera_base = T_base_camera, se3.inverse(T_base_camera)
-        self._matcher = FrameMatcher(settings, seed)
+        self._matcher = FrameMatcher(settings)
         self._guess = MotionGuess(settings, T_base_camera)
         self._track = OdometryTrack(settings, T_base_camera)
         self._map = LocalMap(camera, settings.scales)
