@@ -85,8 +85,8 @@ class _Nodes:
             below, kept = _parents(code, value, kind, level)
             found.append((code[kept], value[kept], mask[kept], bits[kept], np.full(int(kept.sum()), level)))
         found.append((below[0], below[1], below[3], below[4], np.zeros(len(below[0]), np.int64)))
-        codes, self.values, self._mask, self._bits, level = (np.concatenate(part) for part in zip(*found, strict=True))
-        order = np.lexsort((level, codes))
+        codes, self.values, self._mask, self._bits, depths = (np.concatenate(part) for part in zip(*found, strict=True))
+        order = np.lexsort((depths, codes))
         self.values, self._mask, self._bits = self.values[order], self._mask[order], self._bits[order]
 
     def full(self) -> bytes:

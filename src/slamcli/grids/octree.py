@@ -54,8 +54,9 @@ class Octree:
 
     def within_reach(self) -> Octree:
         """Return the leaves that the tree's sixteen levels hold."""
-        inside = (self.indices >= -REACH_CELLS).all(axis=1)
-        return self.select(inside & (self.indices + self.edges[:, None] <= REACH_CELLS).all(axis=1))
+        ends = self.indices + self.edges[:, None]
+        inside: NDArray[np.bool_] = ((self.indices >= -REACH_CELLS) & (ends <= REACH_CELLS)).all(axis=1)
+        return self.select(inside)
 
     def reached_from(self, start_m: NDArray[np.float64], depth: int) -> Octree:
         """Return the tree without free space that no way leads to (``GridGlobal/FloodFillDepth``).

@@ -50,12 +50,13 @@ def stereo_depth(
 
 
 def _matcher(semi_global: bool) -> Any:
+    opencv: Any = cv2  # its stubs lack these
     if semi_global:
-        return cv2.StereoSGBM_create(
+        return opencv.StereoSGBM_create(
             minDisparity=0, numDisparities=_DISPARITIES, blockSize=_SMALL_BLOCK, P1=8 * _SMALL_BLOCK**2, P2=32 * _SMALL_BLOCK**2,
-            disp12MaxDiff=1, preFilterCap=_CAP, uniquenessRatio=15, speckleWindowSize=_SPECKLE_WINDOW, speckleRange=_SPECKLE_RANGE, mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+            disp12MaxDiff=1, preFilterCap=_CAP, uniquenessRatio=15, speckleWindowSize=_SPECKLE_WINDOW, speckleRange=_SPECKLE_RANGE, mode=opencv.STEREO_SGBM_MODE_SGBM_3WAY,
         )  # fmt: skip
-    matcher = cv2.StereoBM_create(numDisparities=_DISPARITIES, blockSize=_BLOCK)
+    matcher = opencv.StereoBM_create(numDisparities=_DISPARITIES, blockSize=_BLOCK)
     matcher.setMinDisparity(0)
     matcher.setPreFilterSize(9)
     matcher.setPreFilterCap(_CAP)
