@@ -173,7 +173,7 @@ class Database:
 
     def nodes(self) -> NodeTable:
         """Return all nodes by id."""
-        return self._read(lambda connection: node_rows.read_nodes(connection, self._file.layout))
+        return self._read(node_rows.read_nodes)
 
     def read_signature(self, node_id: int) -> Signature:
         """Return a node as it was written, without its images; poses of scans and cameras to float32.
@@ -211,7 +211,7 @@ class Database:
 
     def read_local_grid(self, node_id: int) -> LocalCells | None:
         """Return the cells that a node saw; None for a node without."""
-        names = ", ".join(name if self._file.layout.has("Data", name) else "NULL" for name in node_rows.CELL_COLUMNS)
+        names = ", ".join(node_rows.CELL_COLUMNS)
         query = f"SELECT {names} FROM Data WHERE id=?"  # noqa: S608
         row = self._read(lambda connection: connection.execute(query, (node_id,)).fetchone())
         return unpack_cells(row) if row else None
@@ -230,7 +230,7 @@ class Database:
 
     def links(self, node_id: int | None = None) -> list[Link]:
         """Return all links, or those of one node, each once and in the order they were written."""
-        return self._read(lambda connection: link_rows.read_links(connection, self._file.layout, node_id))
+        return self._read(lambda connection: link_rows.read_links(connection, node_id))
 
     def add_words(self, ids: NDArray[np.int64], descriptors: NDArray[np.uint8]) -> None:
         """Write words of the dictionary: ids (W,), descriptors uint8 (W, B)."""
@@ -291,7 +291,7 @@ class Database:
 
     def read_statistics(self) -> list[NodeStatistics]:
         """Return the figures of all updates, by node."""
-        return self._read(lambda connection: summary_rows.read_statistics(connection, self._file.layout))
+        return self._read(summary_rows.read_statistics)
 
     def set_optimised(
         self, ids: NDArray[np.int64], T_map_base: NDArray[np.float64], T_map_last: NDArray[np.float64] | None
@@ -302,7 +302,7 @@ class Database:
 
     def optimised(self) -> OptimisedPoses | None:
         """Return the optimised graph; None where there is none."""
-        return self._read(lambda connection: summary_rows.read_optimised(connection, self._file.layout))
+        return self._read(summary_rows.read_optimised)
 
     def set_grid(self, cells: NDArray[np.int8], *, x_min_m: float, y_min_m: float, resolution_m: float) -> None:
         """Write the assembled map: cells (H, W), -1 unknown, 0 free, 100 occupied, row 0 at the smallest y."""
@@ -313,7 +313,7 @@ class Database:
 
     def grid(self) -> StoredGrid | None:
         """Return the assembled map; None where there is none."""
-        return self._read(lambda connection: summary_rows.read_grid(connection, self._file.layout))
+        return self._read(summary_rows.read_grid)
 
     def commit(self) -> None:
         """Make what was written so far last; call it after each node."""
@@ -339,9 +339,7 @@ class Database:
         calibration, scan, scan_info, user_data = data or (None,) * 4
         version = self._file.layout.version
         cameras = unpack_cameras(calibration, version)
-        features, points, word_ids = feature_rows.read_features(
-            connection, self._file.layout, node_id, cameras[0] if cameras else None
-        )
+        features, points, word_ids = feature_rows.read_features(connection, node_id, cameras[0] if cameras else None)
         pose = unpack_pose(row[2])
         return Signature(
             id=node_id,
