@@ -20,7 +20,13 @@ from slamcli.rtabmap.database.schema import Layout, check_extendable, create_tab
 
 Mode = Literal["create", "append", "read"]
 _MAGIC = b"SQLite format 3\0"
-_JOURNALS = ("DELETE", "TRUNCATE", "PERSIST", "MEMORY", "OFF")
+_JOURNALS = (
+    "DELETE",
+    "TRUNCATE",
+    "PERSIST",
+    "DELETE",
+    "DELETE",
+)  # RTAB-Map's MEMORY and OFF do not outlive a killed run
 _SYNCHRONOUS = ("OFF", "NORMAL", "FULL")
 _STORES = ("DEFAULT", "FILE", "MEMORY")
 _BESIDE = ("-journal", "-wal", "-shm")

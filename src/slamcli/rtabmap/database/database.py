@@ -20,7 +20,6 @@ from slamcli.rtabmap.database.cell_blobs import pack_cells, unpack_cells
 from slamcli.rtabmap.database.connection import Mode, OpenFile, open_file, sqlite_errors
 from slamcli.rtabmap.database.records import (
     GeoFix,
-    LocalCells,
     NodeStatistics,
     NodeTable,
     OptimisedPoses,
@@ -32,6 +31,7 @@ from slamcli.rtabmap.database.scan_blobs import unpack_scan
 from slamcli.rtabmap.database.stored_images import read_images
 from slamcli.rtabmap.database.write_order import WriteOrder
 from slamcli.rtabmap.links import Link
+from slamcli.rtabmap.local_grid import LocalGrid
 from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
 
 Result = TypeVar("Result")
@@ -140,7 +140,7 @@ class Database:
         weight: int,
         label: str | None = None,
         images: NodeImages | None = None,
-        local_grid: LocalCells | None = None,
+        local_grid: LocalGrid | None = None,
         ground_truth: NDArray[np.float64] | None = None,
         gps: GeoFix | None = None,
         velocity: NDArray[np.float64] | None = None,
@@ -167,7 +167,7 @@ class Database:
         """Replace a node's label, which no other may have."""
         self._write(lambda connection: connection.execute("UPDATE Node SET label=? WHERE id=?", (label, node_id)))
 
-    def set_local_grid(self, node_id: int, cells: LocalCells) -> None:
+    def set_local_grid(self, node_id: int, cells: LocalGrid) -> None:
         """Replace a node's local grid."""
         self._write(lambda connection: node_rows.set_cells(connection, node_id, pack_cells(cells)))
 
@@ -209,7 +209,7 @@ class Database:
         )
         return unpack_scan(row[0], row[1], row[2], self._file.layout.version) if row else None
 
-    def read_local_grid(self, node_id: int) -> LocalCells | None:
+    def read_local_grid(self, node_id: int) -> LocalGrid | None:
         """Return the cells that a node saw; None for a node without."""
         names = ", ".join(node_rows.CELL_COLUMNS)
         query = f"SELECT {names} FROM Data WHERE id=?"  # noqa: S608

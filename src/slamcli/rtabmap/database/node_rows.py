@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from slamcli.rtabmap.database.blobs import pack_pose, unpack_poses
 from slamcli.rtabmap.database.calibration_blobs import pack_camera
 from slamcli.rtabmap.database.cell_blobs import pack_cells
-from slamcli.rtabmap.database.records import GeoFix, LocalCells, NodeTable, StorageSettings
+from slamcli.rtabmap.database.records import GeoFix, NodeTable, StorageSettings
 from slamcli.rtabmap.database.scan_blobs import pack_scan
+from slamcli.rtabmap.local_grid import LocalGrid
 from slamcli.rtabmap.signature import NodeImages, Signature
 from slamcli.vision.image_coding import encode_depth, encode_image
 
@@ -42,7 +43,7 @@ class NodeContent:
     weight: int
     label: str | None = None
     images: NodeImages | None = None
-    local_grid: LocalCells | None = None
+    local_grid: LocalGrid | None = None
     ground_truth: NDArray[np.float64] | None = None
     gps: GeoFix | None = None
     velocity: NDArray[np.float64] | None = None
