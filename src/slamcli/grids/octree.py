@@ -55,7 +55,7 @@ class Octree:
     def within_reach(self) -> Octree:
         """Return the leaves that the tree's sixteen levels hold."""
         ends = self.indices + self.edges[:, None]
-        inside: NDArray[np.bool_] = ((self.indices >= -REACH_CELLS) & (ends <= REACH_CELLS)).all(axis=1)
+        inside = np.asarray(np.minimum(self.indices + REACH_CELLS, REACH_CELLS - ends).min(axis=1, initial=0) >= 0)
         return self.select(inside)
 
     def reached_from(self, start_m: NDArray[np.float64], depth: int) -> Octree:
