@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 
@@ -22,29 +20,10 @@ from slamcli.pipelines.database_feed import DatabaseFeed
 from slamcli.pipelines.database_nodes import StoredSession, sessions_of
 from slamcli.pipelines.sensor_request import SensorRequest
 from slamcli.recordings.sensor_picks import NONE
-from slamcli.rtabmap.database import Database
+from slamcli.rtabmap.database import Database, is_database
 from slamcli.runtime import RunLog
 
-_MAGIC = b"SQLite format 3\0"
 _RATE = "Rtabmap/DetectionRate"
-
-
-def is_database(path: Path) -> bool:
-    """Return whether a file is a database of RTAB-Map, by its tables: bags of ROS 2 are SQLite files as well."""
-    try:
-        with path.open("rb") as stream:
-            if stream.read(len(_MAGIC)) != _MAGIC:
-                return False
-        connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro", uri=True)
-    except (OSError, sqlite3.Error):
-        return False
-    try:
-        names = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type='table'")}
-    except (sqlite3.Error, UnicodeError):
-        return False
-    finally:
-        connection.close()
-    return {"Node", "Link", "Admin"} <= names
 
 
 def are_databases(paths: Sequence[Path]) -> bool:

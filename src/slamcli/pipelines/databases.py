@@ -5,21 +5,19 @@ from __future__ import annotations
 
 import os
 import shutil
-import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
 
 from slamcli.errors import UsageError
 from slamcli.mapper import DatabaseChoice, MappingResult, Tier
 from slamcli.outputs import check_file
+from slamcli.rtabmap.database import is_in_use
 from slamcli.runtime import RunLog
 
 FILE = "rtabmap.db"
 """Its name in the folder of a result."""
 _BESIDE = ("-journal", "-wal", "-shm")
-_WAIT_S = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,24 +139,10 @@ def _remove(path: Path) -> None:
 
 
 def _check_free(path: Path) -> None:
-    """Raise if another process uses a database."""
-    if not path.stat().st_size:
-        return
-    try:
-        connection = sqlite3.connect(
-            f"file:{quote(str(path.resolve()))}?mode=rw", uri=True, timeout=_WAIT_S, isolation_level=None
+    if is_in_use(path):
+        raise UsageError(
+            f"{path}: another process uses this database; wait until it has ended, or give another file or -o"
         )
-        try:
-            connection.execute("BEGIN EXCLUSIVE")
-        finally:
-            connection.close()
-    except sqlite3.OperationalError as error:
-        if getattr(error, "sqlite_errorname", "").startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
-            raise UsageError(
-                f"{path}: another process uses this database; wait until it has ended, or give another -o"
-            ) from error
-    except sqlite3.Error:
-        return  # no database, or a damaged one: nobody uses it
 
 
 def _free_name(path: Path) -> Path:
