@@ -48,7 +48,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     "config_files",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Native file of the system (launch, YAML, Lua); later wins.",
+    help="Native file of the system (launch, YAML, Lua, .ini); later wins.",
 )
 @click.option(
     "--set",
@@ -75,7 +75,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 @click.option(
     "--odom-topic", metavar="TOPIC", help="Odometry; `tf` takes it from the transforms, `none` leaves it out."
 )
-@click.option("--imu-topic", metavar="TOPIC", help="IMU (cartographer, orbslam3); `none` leaves it out.")
+@click.option("--imu-topic", metavar="TOPIC", help="IMU (cartographer, orbslam3, rtabmap); `none` leaves it out.")
 @click.option(
     "--fix-topic", metavar="TOPIC", help="GPS fixes, or poses in a fixed frame (cartographer); `none` leaves them out."
 )
@@ -85,7 +85,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 @click.option(
     "--mode",
     metavar="MODE",
-    help="How the system runs, where it can run in several ways: 2d or 3d (cartographer); mono, stereo, rgbd, or one of them with -inertial (orbslam3).",
+    help="How the system runs, where it can run in several ways: 2d or 3d (cartographer); mono, stereo, rgbd, or one of them with -inertial (orbslam3); rgbd, stereo, scan (rtabmap).",
 )
 @click.option(
     "--load-state", "load_states", multiple=True, metavar="FILE", type=click.Path(path_type=Path),
