@@ -49,7 +49,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     "config_files",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Native file of the system (launch, YAML, Lua); later wins.",
+    help="Native file of the system (launch, YAML, Lua, .ini); later wins.",
 )
 @click.option(
     "--set",
