@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from visual_worlds import CAMERA, T_BASE_CAMERA, error, motion, signature, world
 
+from slamcli.rtabmap.parameters import RegGroup, VisGroup
 from slamcli.rtabmap.registration import flat_motion
 from slamcli.rtabmap.signature import no_features
 from slamcli.rtabmap.visual_registration import inliers_distribution, register_best, register_visual
-from slamcli.rtabmap.visual_settings import VisualSettings
+from slamcli.rtabmap.visual_settings import VisualSettings, visual_settings
 
 TRUTH = motion(0.5, 0.3, 0.05, (0.05, 0.02, 0.3))
 
@@ -149,3 +150,9 @@ def test_distribution_is_the_smaller_variance_over_the_image():
     grid = np.stack(np.meshgrid(np.linspace(0, 640, 101), np.linspace(0, 480, 101)), axis=-1).reshape(-1, 2)
     assert inliers_distribution(grid, CAMERA) == pytest.approx(1 / 12, rel=0.03)
     assert inliers_distribution(grid * (1, 0), CAMERA) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_settings_are_the_parameters():
+    assert visual_settings(VisGroup(), RegGroup()) == VisualSettings()
+    told = visual_settings(VisGroup(min_inliers=7, cor_nndr=0.6), RegGroup(force_3dof=True, repeat_once=False))
+    assert told == VisualSettings(min_inliers=7, cor_nndr=0.6, force_3dof=True, repeat_once=False)

@@ -55,3 +55,18 @@ class VoxelMeans:
             [np.bincount(inverse, weights=rows[:, i], minlength=len(self._keys)) for i in range(rows.shape[1])]
         )
         self._pending, self._num_pending = [], 0
+
+
+def means_of_cells(points: NDArray[np.float64], size_m: float) -> NDArray[np.float64]:
+    """Return the mean of the points (N, D) in each cell of edge `size_m`, in the order of the cells."""
+    if len(points) == 0:
+        return points
+    cells = np.floor(points / size_m).astype(np.int64)
+    cells -= cells.min(axis=0)
+    key = np.zeros(len(points), dtype=np.int64)
+    for axis in range(points.shape[1]):
+        key = key * (int(cells[:, axis].max()) + 1) + cells[:, axis]
+    _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
+    sums = [np.bincount(inverse, weights=points[:, axis]) for axis in range(points.shape[1])]
+    means: NDArray[np.float64] = np.column_stack(sums) / counts[:, None]
+    return means

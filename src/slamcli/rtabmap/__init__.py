@@ -20,6 +20,7 @@ class RtabmapTier:
     roles = ROLES
     modes = MODES
     resumes = False
+    remembers = True
 
     def plan(self, parameters: Any, given: Collection[str], offer: SensorOffer, log: RunLog) -> InputPlan:
         """Return which sensors to take of those that are offered, and the parameters that follow from them."""

@@ -9,6 +9,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.geometry import se3
+
 
 class LinkKind(IntEnum):
     """Where an edge is from; the numbers are those of RTAB-Map's databases."""
@@ -49,3 +51,15 @@ class Link:
     """float64 (4, 4), pose of the base at `to_id` in the base at `from_id`: p_from = T_from_to @ p_to."""
     information: NDArray[np.float64]
     """float64 (6, 6), x, y, z (1/m^2), rotation vector (1/rad^2), along the axes of the base at `from_id`."""
+
+    def inverse(self) -> Link:
+        """Return the same measurement seen from the other end."""
+        T = se3.inverse(self.T_from_to)
+        R, t = self.T_from_to[:3, :3], self.T_from_to[:3, 3]
+        across = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
+        back = np.zeros((6, 6))  # from an error of the inverse to that of the measurement
+        back[:3, :3] = back[3:, 3:] = -R
+        back[:3, 3:] = across @ R
+        return Link(
+            from_id=self.to_id, to_id=self.from_id, kind=self.kind, T_from_to=T, information=back.T @ self.information @ back
+        )  # fmt: skip

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from slamcli.rtabmap.parameters import RegGroup, VisGroup
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VisualSettings:
@@ -39,3 +41,17 @@ class VisualSettings:
     repeat_once: bool = True
     """Whether matches are sought again around where the first motion puts them."""
     force_3dof: bool = False
+    """Whether motions have x, y and yaw alone."""
+
+
+def visual_settings(vis: VisGroup, reg: RegGroup) -> VisualSettings:
+    """Return what registration by features is told by ``Vis/*`` and ``Reg/*``."""
+    return VisualSettings(
+        estimation_type=vis.estimation_type, cor_nn_type=vis.cor_nn_type, cor_nndr=vis.cor_nndr,
+        cor_guess_win_size=vis.cor_guess_win_size, pnp_reproj_error=vis.pnp_reproj_error,
+        pnp_max_variance=vis.pnp_max_variance, pnp_variance_median_ratio=vis.pnp_variance_median_ratio,
+        epipolar_geometry_var=vis.epipolar_geometry_var, inlier_distance=vis.inlier_distance,
+        refine_iterations=vis.refine_iterations, iterations=vis.iterations, min_inliers=vis.min_inliers,
+        mean_inliers_distance=vis.mean_inliers_distance, min_inliers_distribution=vis.min_inliers_distribution,
+        bundle_adjustment=vis.bundle_adjustment, repeat_once=reg.repeat_once, force_3dof=reg.force_3dof,
+    )  # fmt: skip

@@ -144,3 +144,15 @@ class SlamcliGroup:
         None, "images of two cameras belong together up to this difference of their stamps; default: node's approx_sync_max_interval, else 0.02 with depth and 0.005 of stereo, half a frame at most",
         kind=float, unit="s", minimum=0.0, maximum=10.0, extension=True,
     )  # fmt: skip
+    odometry: str = parameter(
+        "auto", "where the motion between frames is from: the recording's odometry, own visual odometry, own scan odometry; auto: the recording's for images, scans with the recording's as a guess for a robot without cameras",
+        choices=("auto", "recording", "visual", "scan"), extension=True,
+    )  # fmt: skip
+    depth_weight: float = parameter(
+        3.0, "how much better depth images are believed than a stereo camera of g2o/Baseline would tell depth", minimum=0.01, maximum=1000.0,
+        extension=True,
+    )  # fmt: skip
+    final_searches: int = parameter(
+        1, "how many times the finished map is searched for places near each other that no closure ties yet (as rtabmap-detectMoreLoopClosures)",
+        minimum=0, maximum=100, extension=True,
+    )  # fmt: skip

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: MIT
+"""From parameters to what the parts of the tier are told."""
+
+from __future__ import annotations
+
+from slamcli.measurements import CameraRig
+from slamcli.rtabmap.feature_settings import Detector, FeatureSettings
+from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.vision.corner_description import OpenCvOrbSettings
+from slamcli.vision.gftt import GfttSettings
+from slamcli.vision.orb import OrbSettings
+from slamcli.vision.preparation import PreparationSettings
+from slamcli.vision.row_matching import RowMatchSettings
+
+
+def preparation_settings(parameters: RtabmapParameters, rig: CameraRig) -> PreparationSettings:
+    """Return how images are prepared: made Mem/ImagePreDecimation times smaller."""
+    step = parameters.mem.image_pre_decimation
+    return PreparationSettings(
+        width=None if step <= 1 else max(16, round(rig.main.width / step)), virtual_baseline_m=parameters.g2o.baseline
+    )
+
+
+def feature_settings(parameters: RtabmapParameters) -> FeatureSettings:
+    """Return which key points are taken (Vis/*): the strongest Kp/MaxFeatures of them become words."""
+    vis, gftt, orb, stereo = parameters.vis, parameters.gftt, parameters.orb, parameters.stereo
+    most = max(vis.max_features, parameters.kp.max_features) if vis.max_features else 0
+    return FeatureSettings(
+        detector=Detector(vis.feature_type), max_features=most, min_depth_m=vis.min_depth, max_depth_m=vis.max_depth,
+        depth_as_mask=vis.depth_as_mask, floor_threshold_m=vis.depth_mask_floor_thr, roi_ratios=vis.roi,
+        grid_rows=vis.grid_rows, grid_columns=vis.grid_cols, spread=vis.ssc, subpixel_window=vis.sub_pix_win_size,
+        subpixel_iterations=vis.sub_pix_iterations, subpixel_epsilon=vis.sub_pix_eps,
+        gftt=GfttSettings(
+            quality_level=gftt.quality_level, min_distance=gftt.min_distance, block_size=gftt.block_size,
+            harris=gftt.use_harris_detector, harris_k=gftt.k,
+        ),
+        orb=OpenCvOrbSettings(
+            num_features=most or 100_000, scale_factor=orb.scale_factor, num_levels=orb.n_levels,
+            edge_threshold=orb.edge_threshold, first_level=orb.first_level, wta_k=orb.wta_k, fast_score=orb.score_type == 1,
+            patch_size=orb.patch_size, fast_threshold=parameters.fast.threshold,
+        ),
+        octree=OrbSettings(
+            num_features=most or 100_000, initial_threshold=parameters.fast.threshold,
+            minimum_threshold=min(parameters.fast.min_threshold, parameters.fast.threshold),
+        ),
+        rows=RowMatchSettings(
+            window_width=stereo.win_width, window_height=stereo.win_height, min_disparity=stereo.min_disparity,
+            max_disparity=stereo.max_disparity, squared=stereo.ssd,
+        ),
+        depth_weight=parameters.slamcli.depth_weight,
+    )  # fmt: skip
