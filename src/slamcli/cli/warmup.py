@@ -39,6 +39,7 @@ ROOMS = (
     "posegraph.planar_covariances",
     "posegraph.spatial",
     "posegraph.visual_inertial",
+    "registration.agreement",
     "registration.branch_and_bound",
     "registration.branch_and_bound_3d",
     "registration.grid_matching",
