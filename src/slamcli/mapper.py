@@ -106,6 +106,8 @@ class Setup:
     """The long-term memory, for tiers that keep one (`Tier.remembers`)."""
     vocabulary: Vocabulary | None = None
     """By which tiers that see know places again; None: by descriptors alone."""
+    octree: bool = False
+    """Whether an octree is asked for, of tiers that can make one."""
     no_return: str = "ignore"
     """What an inf or maximum-range beam means: ignore, free (clears up to the usable range) or max (an end point)."""
     log: RunLog = field(default_factory=RunLog)

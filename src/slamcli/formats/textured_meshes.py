@@ -36,9 +36,9 @@ def write_textured(path: Path, mesh: TexturedMesh) -> None:
     with atomic_file(path.with_suffix(".mtl"), "wb") as stream:
         stream.write(material.encode())
     lines = [f"mtllib {path.stem}.mtl", "usemtl pictures"]
-    lines += ["v %.4f %.4f %.4f" % tuple(row) for row in mesh.vertices.tolist()]
-    lines += ["vt %.6f %.6f" % tuple(row) for row in mesh.places.tolist()]
+    lines += [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in mesh.vertices.tolist()]
+    lines += [f"vt {u:.6f} {v:.6f}" for u, v in mesh.places.tolist()]
     faces = np.stack([mesh.triangles + 1, mesh.corners + 1], axis=2).reshape(-1, 6)
-    lines += ["f %d/%d %d/%d %d/%d" % tuple(row) for row in faces.tolist()]
+    lines += [f"f {a}/{i} {b}/{j} {c}/{k}" for a, i, b, j, c, k in faces.tolist()]
     with atomic_file(path, "wb") as stream:
         stream.write(("\n".join(lines) + "\n").encode("ascii"))

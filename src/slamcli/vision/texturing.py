@@ -55,6 +55,9 @@ def textured(mesh: Mesh, views: DepthViews, tolerance_m: float) -> TexturedMesh:
     tolerance_m
         How far the depth of a view may lie from the mesh that it shows.
     """
+    if len(mesh.triangles) == 0:
+        none = np.zeros((0, 2), np.float32), np.zeros((0, 3), np.int64), np.zeros((1, 1, 3), np.uint8)
+        return TexturedMesh(mesh.vertices, mesh.triangles, *none)
     ranking = _Ranking(mesh, tolerance_m)
     for number, view in enumerate(views):
         ranking.add(number, view)
@@ -133,7 +136,7 @@ def _neighbours(triangles: NDArray[np.int32]) -> NDArray[np.int64]:
     paired = counts[number.ravel()[order]] == 2
     pairs = order[paired].reshape(-1, 2)
     across = np.full(3 * count, -1, dtype=np.int64)
-    across[pairs[:, 0]], across[pairs[:, 1]] = pairs[:, 1] % max(count, 1), pairs[:, 0] % max(count, 1)
+    across[pairs[:, 0]], across[pairs[:, 1]] = pairs[:, 1] % count, pairs[:, 0] % count
     return across.reshape(3, count).T
 
 
@@ -148,8 +151,7 @@ def _painted(mesh: Mesh, choice: NDArray[np.int32], views: DepthViews) -> Textur
         if sheet is None:
             sheet = _Sheet(len(used), view.colour.shape[1], view.colour.shape[0])
         rows = np.flatnonzero(choice == number)
-        found, _ = _shown(mesh.vertices, view, np.inf)
-        seen = found[mesh.triangles[rows]]
+        seen = _shown(mesh.vertices[mesh.triangles[rows]].reshape(-1, 3), view, np.inf)[0].reshape(-1, 3, 2)
         slot = int(np.searchsorted(used, number))
         picture = _evened(view.colour, seen.reshape(-1, 2), mesh.colours[mesh.triangles[rows]].reshape(-1, 3))
         pixels[rows] = sheet.put(slot, picture, seen)
