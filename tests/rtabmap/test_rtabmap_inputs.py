@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -117,7 +118,9 @@ def test_what_the_user_set_is_kept() -> None:
 
 def test_images_alone_keep_the_defaults() -> None:
     log = RunLog()
-    assert plan(offer("mono", "rgbd"), log).parameters == RtabmapParameters()
+    settled = plan(offer("mono", "rgbd"), log).parameters
+    assert settled.slamcli.odometry == "visual"
+    assert replace(settled, slamcli=RtabmapParameters().slamcli) == RtabmapParameters()
     assert log.notes == ["maps from colour with depth and its own odometry (choose with --mode)"]
 
 

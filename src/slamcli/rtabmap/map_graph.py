@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,12 +80,15 @@ class MapGraph:
         """Return whether a link ties two nodes directly."""
         return any(b in (link.from_id, link.to_id) for link in self._linked.get(a, ()) if a != b)
 
-    def component(self, node_id: int) -> list[int]:
-        """Return the ids, increasing, of all nodes that links tie to a node, itself among them; landmarks (negative) first."""
+    def component(self, node_id: int, among: Collection[int] | None = None) -> list[int]:
+        """Return the ids, increasing, of all nodes that links tie to a node, itself among them; landmarks (negative) first.
+
+        With `among` no link leads over other nodes; landmarks count as among them.
+        """
         found, waiting = {node_id}, [node_id]
         while waiting:
             for other in self.neighbours(waiting.pop()):
-                if other not in found:
+                if other not in found and (among is None or other < 0 or other in among):
                     found.add(other)
                     waiting.append(other)
         return sorted(found)

@@ -6,7 +6,6 @@ from __future__ import annotations
 from slamcli.measurements import CameraRig
 from slamcli.rtabmap.feature_settings import Detector, FeatureSettings
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.visual_settings import VisualSettings
 from slamcli.vision.corner_description import OpenCvOrbSettings
 from slamcli.vision.gftt import GfttSettings
 from slamcli.vision.orb import OrbSettings
@@ -49,18 +48,4 @@ def feature_settings(parameters: RtabmapParameters) -> FeatureSettings:
             max_disparity=stereo.max_disparity, squared=stereo.ssd,
         ),
         depth_weight=parameters.slamcli.depth_weight,
-    )  # fmt: skip
-
-
-def visual_settings(parameters: RtabmapParameters) -> VisualSettings:
-    """Return how places are registered by features (Vis/*, Reg/*)."""
-    vis, reg = parameters.vis, parameters.reg
-    return VisualSettings(
-        estimation_type=vis.estimation_type, cor_nn_type=vis.cor_nn_type, cor_nndr=vis.cor_nndr,
-        cor_guess_win_size=vis.cor_guess_win_size, pnp_reproj_error=vis.pnp_reproj_error, pnp_max_variance=vis.pnp_max_variance,
-        pnp_variance_median_ratio=vis.pnp_variance_median_ratio, epipolar_geometry_var=vis.epipolar_geometry_var,
-        inlier_distance=vis.inlier_distance, refine_iterations=vis.refine_iterations, iterations=vis.iterations,
-        min_inliers=vis.min_inliers, mean_inliers_distance=vis.mean_inliers_distance,
-        min_inliers_distribution=vis.min_inliers_distribution, bundle_adjustment=vis.bundle_adjustment,
-        repeat_once=reg.repeat_once, force_3dof=reg.force_3dof,
     )  # fmt: skip
