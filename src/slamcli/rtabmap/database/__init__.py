@@ -3,9 +3,9 @@
 
 from slamcli.rtabmap.database.connection import Mode
 from slamcli.rtabmap.database.database import Database
+from slamcli.rtabmap.database.probing import is_database, is_in_use
 from slamcli.rtabmap.database.records import (
     GeoFix,
-    LocalCells,
     NodeStatistics,
     NodeTable,
     OptimisedPoses,
@@ -17,7 +17,6 @@ from slamcli.rtabmap.database.records import (
 __all__ = [
     "Database",
     "GeoFix",
-    "LocalCells",
     "Mode",
     "NodeStatistics",
     "NodeTable",
@@ -25,4 +24,6 @@ __all__ = [
     "StorageSettings",
     "StoredCamera",
     "StoredGrid",
+    "is_database",
+    "is_in_use",
 ]

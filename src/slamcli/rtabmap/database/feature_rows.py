@@ -50,7 +50,7 @@ def insert_features(connection: sqlite3.Connection, signature: Signature) -> Non
 
 
 def read_features(
-    connection: sqlite3.Connection, layout: Layout, node_id: int, camera: StoredCamera | None
+    connection: sqlite3.Connection, node_id: int, camera: StoredCamera | None
 ) -> tuple[Features, NDArray[np.float64], NDArray[np.int64]]:
     """Return a node's key points, their points in the base frame and their words.
 
@@ -59,10 +59,8 @@ def read_features(
     FormatError
         If the descriptors are not binary (SURF, SIFT ...).
     """
-    table = "Feature" if "Feature" in layout.columns else "Map_Node_Word"
-    octave = "octave" if layout.has(table, "octave") else "0"
-    columns = _COLUMNS.replace("octave", octave)
-    rows = connection.execute(f"SELECT {columns} FROM {table} WHERE node_id=? ORDER BY rowid", (node_id,)).fetchall()  # noqa: S608
+    query = f"SELECT {_COLUMNS} FROM Feature WHERE node_id=? ORDER BY rowid"  # noqa: S608
+    rows = connection.execute(query, (node_id,)).fetchall()
     if not rows:
         return no_features(), np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
     *numbers, words, sizes, descriptors = zip(*rows, strict=True)
@@ -139,16 +137,15 @@ def read_words(
 
 def binary_descriptors(sizes: Iterable[Any], blobs: Iterable[Any], what: str) -> NDArray[np.uint8]:
     """Return uint8 (N, B) from equally long blobs; those that are missing are zeros."""
-    sizes, blobs = list(sizes), list(blobs)
-    length = max((len(blob) for blob in blobs if blob), default=32)
-    filled = [blob or bytes(length) for blob in blobs]
-    if any(len(blob) != length for blob in filled) or any(
-        size and blob and size != length for size, blob in zip(sizes, blobs, strict=True)
-    ):
+    kept = list(blobs)
+    lengths = {len(blob) for blob in kept if blob} or {32}
+    length = max(lengths)
+    if len(lengths) > 1 or not set(sizes) <= {None, 0, length}:
         raise FormatError(
             f"{what}: its descriptors are not binary (SURF, SIFT or SuperPoint?); extract them anew from the images"
         )
-    return np.frombuffer(b"".join(filled), dtype=np.uint8).reshape(-1, length)
+    missing = bytes(length)
+    return np.frombuffer(b"".join([blob or missing for blob in kept]), dtype=np.uint8).reshape(-1, length)
 
 
 def _forget_index(connection: sqlite3.Connection, layout: Layout) -> None:

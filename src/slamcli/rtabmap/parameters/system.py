@@ -70,12 +70,12 @@ class DbSqlite3Group:
     """``DbSqlite3``."""
 
     in_memory: bool = switch(
-        "InMemory", False, "the database is kept in memory and written at the end; here always on disk", effective=False
+        "InMemory", False, "the database is kept in memory and written at the end: a killed run leaves nothing"
     )
     cache_size: int = count("CacheSize", 10000, "pages that SQLite caches", "pages")
     journal_mode: int = choice(
-        "JournalMode", 3, "how SQLite protects a write; here always such that a killed run leaves a usable file",
-        {0: "DELETE", 1: "TRUNCATE", 2: "PERSIST", 3: "MEMORY", 4: "OFF"}, effective=False,
+        "JournalMode", 3, "how SQLite protects a write; MEMORY and OFF, which do not survive a killed run, are taken as DELETE",
+        {0: "DELETE", 1: "TRUNCATE", 2: "PERSIST", 3: "MEMORY", 4: "OFF"},
     )  # fmt: skip
     synchronous: int = choice("Synchronous", 0, "when SQLite waits for the disk", {0: "OFF", 1: "NORMAL", 2: "FULL"})
     temp_store: int = choice(
@@ -129,11 +129,13 @@ class NodeGroup:
     sync_queue_size: int = _not_here("sync_queue_size", 10, "messages that wait for their partners; here all do")
     topic_queue_size: int = _not_here("topic_queue_size", 10, "messages that wait to be read; here all do")
     wait_for_transform: bool = _not_here("wait_for_transform", True, "wait for transforms; here all are known")
-    wait_for_transform_duration: float = _not_here("wait_for_transform_duration", 0.2, "how long; here all are known")
+    wait_for_transform_duration: float = _not_here(
+        "wait_for_transform_duration", 0.2, "how long the node waits for a transform; here all are known"
+    )
     database_path: str = _not_here("database_path", "", "the database: --database names it")
-    publish_tf: bool = _not_here("publish_tf", True, "broadcast where the odometry's frame is")
-    tf_delay: float = _not_here("tf_delay", 0.05, "how often, in seconds")
-    tf_tolerance: float = _not_here("tf_tolerance", 0.1, "for how long, in seconds")
+    publish_tf: bool = _not_here("publish_tf", True, "broadcast where the odometry's frame is in the map")
+    tf_delay: float = _not_here("tf_delay", 0.05, "period of that broadcast, seconds")
+    tf_tolerance: float = _not_here("tf_tolerance", 0.1, "how far it is dated into the future, seconds")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
