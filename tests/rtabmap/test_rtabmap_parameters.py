@@ -82,7 +82,7 @@ def test_lists_in_one_text() -> None:
         ("Odom/Strategy", 5, "--algo orbslam3"),
         ("Kp/NNStrategy", 4, "GPU is not available"),
         ("Icp/Strategy", 2, "CCCoreLib is not available"),
-        ("Kp/DetectorStrategy", 99, "choose one of 8, 10, 2"),
+        ("Kp/DetectorStrategy", 99, "choose one of 8, 10, 2, 6"),
         ("Rtabmap/LoopThr", 1.5, "between 0 and 1"),
         ("Mem/RehearsalSimilarity", "a", "not a number"),
         ("Kp/MaxFeatures", 1.5, "not a whole number"),
