@@ -119,9 +119,16 @@ def delete_words(connection: sqlite3.Connection, layout: Layout, ids: Iterable[i
     _forget_index(connection, layout)
 
 
-def read_words(connection: sqlite3.Connection) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-    """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id."""
-    rows = connection.execute("SELECT id, descriptor_size, descriptor FROM Word ORDER BY id").fetchall()
+def read_words(
+    connection: sqlite3.Connection, chosen: NDArray[np.int64] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+    """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id; of chosen words those that are there."""
+    query = "SELECT id, descriptor_size, descriptor FROM Word"
+    if chosen is None:
+        rows = connection.execute(f"{query} ORDER BY id").fetchall()
+    else:
+        found = (connection.execute(f"{query} WHERE id=?", (word,)).fetchone() for word in np.unique(chosen).tolist())
+        rows = [row for row in found if row is not None]
     if not rows:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 32), dtype=np.uint8)
     ids, sizes, descriptors = zip(*rows, strict=True)
