@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: MIT
+"""Where places are known again: by their looks, and by being near."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.geometry import se3
+from slamcli.rtabmap.hypothesis import Hypothesis
+from slamcli.rtabmap.links import Link, LinkKind
+from slamcli.rtabmap.map_graph import MapGraph
+from slamcli.rtabmap.memory import Memory
+from slamcli.rtabmap.node_rate import motion_size
+from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.rtabmap.registration import Registration
+from slamcli.rtabmap.signature import Signature
+from slamcli.rtabmap.visual_proximity import ProximityMatch, visual_proximity, visual_proximity_in_time
+from slamcli.rtabmap.visual_registration import register_best, register_visual
+from slamcli.rtabmap.visual_settings import visual_settings
+from slamcli.vision.pinhole import Pinhole
+
+Floats = NDArray[np.float64]
+
+_NEIGHBOURS = 2
+"""Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
+_NEAR_M, _NEAR_RAD = 2.0, 0.8
+"""Nodes of the finished map that are farther apart or look elsewhere are not compared."""
+_MOST_PER_NODE = 3
+"""Searches of the finished map for one node."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proposal:
+    """A closure that was found; the graph has not been asked yet."""
+
+    link: Link
+    """From the older node to the newer one."""
+    registration: Registration
+    posterior: float = 0.0
+    """Of the hypothesis that led there; 0: found because it is near."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Failure:
+    """A place that was compared and not known again."""
+
+    from_id: int
+    to_id: int
+    kind: LinkKind
+    registration: Registration
+    posterior: float = 0.0
+
+
+class Closing:
+    """Compares the newest node with what the memory holds.
+
+    Parameters
+    ----------
+    camera, T_base_camera
+        Of all nodes' features; None for a robot without cameras.
+    """
+
+    def __init__(
+        self, parameters: RtabmapParameters, memory: Memory, camera: Pinhole | None, T_base_camera: Floats, seed: int
+    ) -> None:
+        self._parameters, self._memory = parameters, memory
+        self._camera, self._T_base_camera, self._seed = camera, T_base_camera, seed
+        self._settings = visual_settings(parameters.vis, parameters.reg)
+        self._last_closure = 0
+        self.failures: list[Failure] = []
+
+    def by_looks(self, node: Signature, hypothesis: Hypothesis, graph: MapGraph) -> list[Proposal]:
+        """Return the closure with the place that the node most likely shows, if it is accepted and its geometry holds."""
+        if not hypothesis.accepted or self._camera is None or graph.are_linked(hypothesis.node, node.id):
+            return []
+        around = [other for other in graph.neighbours(hypothesis.node) if other in graph.nodes and other != node.id]
+        candidates = [self._memory.signature(other) for other in (hypothesis.node, *around[: 2 * _NEIGHBOURS])]
+        known = [candidate for candidate in candidates if candidate is not None and len(candidate.features)]
+        known = [candidate for candidate in known if not graph.are_linked(candidate.id, node.id)]
+        if not known:
+            return []
+        old_id, found = register_best(
+            known, node, self._camera, self._T_base_camera, self._settings, seed=self._seed
+        )
+        proposal = self._proposal(old_id, node.id, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
+        if proposal is not None:
+            self._last_closure = old_id
+        return [] if proposal is None else [proposal]
+
+    def by_place(self, node: Signature, graph: MapGraph) -> list[Proposal]:
+        """Return the closures with places near by, in space and in time."""
+        if self._camera is None:
+            return []
+        rgbd, memory = self._parameters.rgbd, self._memory
+        short_term = [found for found in map(memory.signature, memory.short_term) if found is not None and found.id != node.id]
+        matches = [
+            *visual_proximity_in_time(node, graph.links, short_term, self._register, rgbd),
+            *visual_proximity(
+                node, graph.T_map_base, graph.links, memory.signature, self._register, rgbd,
+                among=memory.working, last_closure=self._last_closure,
+            ),
+        ]  # fmt: skip
+        return [proposal for proposal in (self._near(match, node.id) for match in matches) if proposal is not None]
+
+    def in_the_end(self, graph: MapGraph, node_ids: list[int]) -> Iterator[list[Proposal]]:
+        """Yield, node by node, closures with nodes near it in the finished map that no link ties to it yet."""
+        if self._camera is None:
+            return
+        for node_id in node_ids:
+            node = self._memory.recall(node_id)
+            found = []
+            for other_id in _near_in_map(graph, node_id):
+                other = self._memory.recall(other_id)
+                guess = se3.inverse(graph.T_map_base[other_id]) @ graph.T_map_base[node_id]
+                registration = self._register(other, node, guess)
+                proposal = self._proposal(other_id, node_id, LinkKind.LOCAL_SPACE_CLOSURE, registration)
+                if proposal is not None:
+                    found.append(proposal)
+            if found:
+                yield found
+
+    def _register(self, old: Signature, new: Signature, guess: Floats | None) -> Registration:
+        if self._camera is None:
+            raise ValueError("places without cameras are not compared by features")
+        return register_visual(
+            old, new, self._camera, self._T_base_camera, self._settings, seed=self._seed, guess=guess
+        )
+
+    def _near(self, match: ProximityMatch, node_id: int) -> Proposal | None:
+        return self._proposal(match.near_id, node_id, match.kind, match.registration)
+
+    def _proposal(
+        self, old_id: int, new_id: int, kind: LinkKind, found: Registration, posterior: float = 0.0
+    ) -> Proposal | None:
+        if found.T_a_b is None:
+            self.failures.append(
+                Failure(from_id=old_id, to_id=new_id, kind=kind, registration=found, posterior=posterior)
+            )
+            return None
+        link = Link(
+            from_id=old_id, to_id=new_id, kind=kind, T_from_to=found.T_a_b, information=information_of(found.covariance)
+        )
+        return Proposal(link=link, registration=found, posterior=posterior)
+
+
+def information_of(covariance: Floats) -> Floats:
+    """Return the inverse of a covariance (6, 6) of a motion; what is known better than 0.1 mm and 0.01 degree is not."""
+    floor = np.diag([1e-8, 1e-8, 1e-8, 3e-8, 3e-8, 3e-8])
+    information: Floats = np.linalg.inv(covariance + floor)
+    return 0.5 * (information + information.T)
+
+
+def _near_in_map(graph: MapGraph, node_id: int) -> list[int]:
+    """Return the nearest older nodes that look the same way and that no link ties to a node."""
+    here = graph.T_map_base[node_id]
+    component = set(graph.component(node_id))
+    found: list[tuple[float, int]] = []
+    for other, T in graph.T_map_base.items():
+        if other < node_id and other in component and not graph.are_linked(other, node_id):
+            way, turn = motion_size(se3.inverse(T) @ here)
+            if way <= _NEAR_M and turn <= _NEAR_RAD:
+                found.append((way + turn, other))
+    return [other for _, other in sorted(found)[:_MOST_PER_NODE]]
