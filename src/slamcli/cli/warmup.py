@@ -56,6 +56,7 @@ ROOMS = (
     "vision.binary_index",
     "vision.bundle_adjustment",
     "vision.camera_system",
+    "vision.depth_coding",
     "vision.keyframe_database",
     "vision.lens",
     "vision.matching",

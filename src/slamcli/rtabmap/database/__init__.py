@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: MIT
+"""RTAB-Map's own database files, read and written: the long-term memory on disk, schema of version 0.23.8."""
+
+from slamcli.rtabmap.database.connection import Mode
+from slamcli.rtabmap.database.database import Database
+from slamcli.rtabmap.database.records import (
+    GeoFix,
+    LocalCells,
+    NodeStatistics,
+    NodeTable,
+    OptimisedPoses,
+    StorageSettings,
+    StoredCamera,
+    StoredGrid,
+)
+
+__all__ = [
+    "Database",
+    "GeoFix",
+    "LocalCells",
+    "Mode",
+    "NodeStatistics",
+    "NodeTable",
+    "OptimisedPoses",
+    "StorageSettings",
+    "StoredCamera",
+    "StoredGrid",
+]

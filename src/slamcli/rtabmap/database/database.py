@@ -1,0 +1,378 @@
+# SPDX-License-Identifier: MIT
+"""A database of RTAB-Map: the long-term memory on disk."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import FormatError
+from slamcli.rtabmap.database import feature_rows, link_rows, node_rows, summary_rows
+from slamcli.rtabmap.database.blobs import unpack_pose
+from slamcli.rtabmap.database.calibration_blobs import unpack_cameras
+from slamcli.rtabmap.database.cell_blobs import pack_cells, unpack_cells
+from slamcli.rtabmap.database.connection import Mode, OpenFile, open_file, sqlite_errors
+from slamcli.rtabmap.database.records import (
+    GeoFix,
+    LocalCells,
+    NodeStatistics,
+    NodeTable,
+    OptimisedPoses,
+    StorageSettings,
+    StoredCamera,
+    StoredGrid,
+)
+from slamcli.rtabmap.database.scan_blobs import unpack_scan
+from slamcli.rtabmap.database.stored_images import read_images
+from slamcli.rtabmap.database.write_order import WriteOrder
+from slamcli.rtabmap.links import Link
+from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
+
+Result = TypeVar("Result")
+
+
+class Database:
+    """An open database, written in the order of the calls and readable while it is written.
+
+    Use it as a context manager. What was committed stays in the file whatever happens to the process; leaving the context commits, unless
+    an error is on its way. All errors are `FormatError`, one line that names the file.
+    """
+
+    def __init__(self, file: OpenFile, settings: StorageSettings, jobs: int) -> None:
+        self._file = file
+        self._settings = settings
+        self._order = WriteOrder(threaded=jobs > 1 and file.mode != "read")
+        self._stamps_ns: dict[int, int] = {}
+
+    @classmethod
+    def create(
+        cls,
+        path: Path | str,
+        parameters_text: str,
+        *,
+        settings: StorageSettings | None = None,
+        jobs: int = 1,
+        overwrite: bool = False,
+    ) -> Self:
+        """Return a new database.
+
+        Parameters
+        ----------
+        path
+            Must not exist, unless `overwrite`: then a database there is removed, unless another process uses it.
+        parameters_text
+            Native parameters, ``Kp/MaxFeatures:500;Kp/...``, for those who read the file.
+        settings
+            How it is kept.
+        jobs
+            From 2 on, nodes are compressed and written on a thread.
+        overwrite
+            Whether a database at the path is replaced.
+        """
+        return cls._begun(
+            open_file(Path(path), "create", settings or StorageSettings(), overwrite=overwrite),
+            parameters_text,
+            settings,
+            jobs,
+        )
+
+    @classmethod
+    def append(
+        cls, path: Path | str, parameters_text: str = "", *, settings: StorageSettings | None = None, jobs: int = 1
+    ) -> Self:
+        """Return a database that is continued; its tables must be those of 0.16 or later. No parameters: those of the last session."""
+        return cls._begun(
+            open_file(Path(path), "append", settings or StorageSettings()), parameters_text, settings, jobs
+        )
+
+    @classmethod
+    def read(cls, path: Path | str) -> Self:
+        """Return a database that is only read; it may lie in a read-only folder."""
+        return cls(open_file(Path(path), "read", StorageSettings()), StorageSettings(), 1)
+
+    @classmethod
+    def _begun(cls, file: OpenFile, parameters_text: str, settings: StorageSettings | None, jobs: int) -> Self:
+        database = cls(file, settings or StorageSettings(), jobs)
+        try:
+            text = parameters_text or ";".join(f"{name}:{value}" for name, value in database.parameters().items())
+            database._write(lambda connection: summary_rows.insert_info(connection, text))
+            database.commit()
+        except BaseException:
+            database.close(commit=False)
+            raise
+        return database
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close(commit=kind is None)
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._file.path
+
+    @property
+    def mode(self) -> Mode:
+        """How it was opened."""
+        return self._file.mode
+
+    @property
+    def version(self) -> str:
+        """Version of RTAB-Map whose schema it has."""
+        return self._file.layout.text
+
+    # --- nodes -----------------------------------------------------------------------------------------------------
+
+    def add_node(
+        self,
+        signature: Signature,
+        *,
+        weight: int,
+        label: str | None = None,
+        images: NodeImages | None = None,
+        local_grid: LocalCells | None = None,
+        ground_truth: NDArray[np.float64] | None = None,
+        gps: GeoFix | None = None,
+        velocity: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Write a node with everything it has but its links; `ground_truth` float64 (4, 4), `velocity` float64 (6,) base frame."""
+        node = node_rows.NodeContent(
+            signature=signature, weight=weight, label=label, images=images, local_grid=local_grid, ground_truth=ground_truth, gps=gps,
+            velocity=velocity,
+        )  # fmt: skip
+        self._stamps_ns[signature.id] = signature.stamp_ns
+
+        def insert(connection: sqlite3.Connection) -> None:
+            self._file.clock.advance(signature.stamp_ns)
+            node_rows.insert_node(connection, node, self._settings)
+            feature_rows.insert_features(connection, signature)
+
+        self._write(insert)
+
+    def set_weight(self, node_id: int, weight: int) -> None:
+        """Replace a node's weight."""
+        self._write(lambda connection: connection.execute("UPDATE Node SET weight=? WHERE id=?", (weight, node_id)))
+
+    def set_label(self, node_id: int, label: str | None) -> None:
+        """Replace a node's label, which no other may have."""
+        self._write(lambda connection: connection.execute("UPDATE Node SET label=? WHERE id=?", (label, node_id)))
+
+    def set_local_grid(self, node_id: int, cells: LocalCells) -> None:
+        """Replace a node's local grid."""
+        self._write(lambda connection: node_rows.set_cells(connection, node_id, pack_cells(cells)))
+
+    def nodes(self) -> NodeTable:
+        """Return all nodes by id."""
+        return self._read(lambda connection: node_rows.read_nodes(connection, self._file.layout))
+
+    def read_signature(self, node_id: int) -> Signature:
+        """Return a node as it was written, without its images; poses of scans and cameras to float32.
+
+        Raises
+        ------
+        FormatError
+            If there is no such node, or its descriptors are not binary.
+        """
+        return self._read(lambda connection: self._signature(connection, node_id))
+
+    def read_signatures(self, node_ids: Iterable[int]) -> list[Signature]:
+        """Return several nodes."""
+        return [self.read_signature(node_id) for node_id in node_ids]
+
+    def read_images(self, node_id: int, camera: int = 0) -> NodeImages | None:
+        """Return what a camera of a node saw; None for a node without images. With several cameras the first is 0."""
+        return self._read(lambda connection: read_images(connection, self._file.layout, node_id, camera))
+
+    def read_cameras(self, node_id: int) -> tuple[StoredCamera, ...]:
+        """Return the cameras of a node (also where its images were not kept)."""
+        row = self._read(
+            lambda connection: connection.execute("SELECT calibration FROM Data WHERE id=?", (node_id,)).fetchone()
+        )
+        return unpack_cameras(row[0] if row else None, self._file.layout.version)
+
+    def read_scan(self, node_id: int) -> NodeScan | None:
+        """Return a node's scan, base frame; None for a node without."""
+        row = self._read(
+            lambda connection: connection.execute(
+                "SELECT scan, scan_info, user_data FROM Data WHERE id=?", (node_id,)
+            ).fetchone()
+        )
+        return unpack_scan(row[0], row[1], row[2], self._file.layout.version) if row else None
+
+    def read_local_grid(self, node_id: int) -> LocalCells | None:
+        """Return the cells that a node saw; None for a node without."""
+        names = ", ".join(name if self._file.layout.has("Data", name) else "NULL" for name in node_rows.CELL_COLUMNS)
+        query = f"SELECT {names} FROM Data WHERE id=?"  # noqa: S608
+        row = self._read(lambda connection: connection.execute(query, (node_id,)).fetchone())
+        return unpack_cells(row) if row else None
+
+    # --- links and words -------------------------------------------------------------------------------------------
+
+    def add_links(self, links: Iterable[Link]) -> None:
+        """Write links."""
+        given = list(links)
+        self._write(lambda connection: link_rows.insert_links(connection, given))
+
+    def remove_links(self, pairs: Iterable[tuple[int, int]]) -> None:
+        """Remove all links between pairs of nodes (or of a node and a landmark)."""
+        given = list(pairs)
+        self._write(lambda connection: link_rows.delete_links(connection, given))
+
+    def links(self, node_id: int | None = None) -> list[Link]:
+        """Return all links, or those of one node, each once and in the order they were written."""
+        return self._read(lambda connection: link_rows.read_links(connection, self._file.layout, node_id))
+
+    def add_words(self, ids: NDArray[np.int64], descriptors: NDArray[np.uint8]) -> None:
+        """Write words of the dictionary: ids (W,), descriptors uint8 (W, B)."""
+        given = np.array(ids, dtype=np.int64), np.array(descriptors, dtype=np.uint8)
+        self._write(lambda connection: feature_rows.insert_words(connection, self._file.layout, *given))
+
+    def remove_words(self, ids: Iterable[int]) -> None:
+        """Remove words of the dictionary."""
+        given = [int(word) for word in ids]
+        self._write(lambda connection: feature_rows.delete_words(connection, self._file.layout, given))
+
+    def words(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id."""
+        return self._read(feature_rows.read_words)
+
+    def update_word_ids(self, node_id: int, word_ids: NDArray[np.int64]) -> None:
+        """Replace the words of a node's key points (N,), in their order; 0 leaves a key point as it is."""
+        given = np.array(word_ids, dtype=np.int64)
+        self._write(lambda connection: feature_rows.set_word_ids(connection, node_id, given))
+
+    # --- the whole -------------------------------------------------------------------------------------------------
+
+    def set_info(
+        self,
+        parameters_text: str,
+        *,
+        stm_size: int = 0,
+        last_id: int = 0,
+        num_words: int = 0,
+        working_ids: Sequence[int] | None = None,
+    ) -> None:
+        """Write what a session ended with; `working_ids` are the nodes in working memory, which the next session may begin with."""
+        working = [] if working_ids is None else [int(node) for node in working_ids]
+
+        def insert(connection: sqlite3.Connection) -> None:
+            summary_rows.insert_info(
+                connection, parameters_text, stm_size=stm_size, last_id=last_id, num_words=num_words
+            )
+            summary_rows.set_entered(connection, working, self._file.clock.now)
+
+        self._write(insert)
+
+    def parameters(self) -> dict[str, str]:
+        """Return native names and values of the last session."""
+        return self._read(summary_rows.read_parameters)
+
+    def last_working_ids(self) -> NDArray[np.int64]:
+        """Return the nodes (N,) that were in working memory when the last session ended, as RTAB-Map decides it."""
+        return self._read(summary_rows.read_last_working)
+
+    def add_statistics(
+        self, node_id: int, stamp_ns: int, values: Mapping[str, float], working_ids: Sequence[int] | None = None
+    ) -> None:
+        """Write the figures of the update that made a node; times and memory figures are left out."""
+        given = dict(values)
+        working = None if working_ids is None else list(working_ids)
+        self._write(lambda connection: summary_rows.insert_statistics(connection, node_id, stamp_ns, given, working))
+
+    def read_statistics(self) -> list[NodeStatistics]:
+        """Return the figures of all updates, by node."""
+        return self._read(lambda connection: summary_rows.read_statistics(connection, self._file.layout))
+
+    def set_optimised(
+        self, ids: NDArray[np.int64], T_map_base: NDArray[np.float64], T_map_last: NDArray[np.float64] | None
+    ) -> None:
+        """Write the optimised graph: ids (N,), poses float64 (N, 4, 4), and where the robot was last (4, 4)."""
+        given = np.array(ids, dtype=np.int64), np.array(T_map_base, dtype=np.float64)
+        self._write(lambda connection: summary_rows.set_optimised(connection, *given, T_map_last))
+
+    def optimised(self) -> OptimisedPoses | None:
+        """Return the optimised graph; None where there is none."""
+        return self._read(lambda connection: summary_rows.read_optimised(connection, self._file.layout))
+
+    def set_grid(self, cells: NDArray[np.int8], *, x_min_m: float, y_min_m: float, resolution_m: float) -> None:
+        """Write the assembled map: cells (H, W), -1 unknown, 0 free, 100 occupied, row 0 at the smallest y."""
+        grid = StoredGrid(
+            cells=np.array(cells, dtype=np.int8), x_min_m=x_min_m, y_min_m=y_min_m, resolution_m=resolution_m
+        )
+        self._write(lambda connection: summary_rows.set_grid(connection, grid))
+
+    def grid(self) -> StoredGrid | None:
+        """Return the assembled map; None where there is none."""
+        return self._read(lambda connection: summary_rows.read_grid(connection, self._file.layout))
+
+    def commit(self) -> None:
+        """Make what was written so far last; call it after each node."""
+        self._order.do(self._commit)
+
+    def close(self, *, commit: bool = True) -> None:
+        """Commit, unless told otherwise, and close the file; a second call does nothing."""
+        try:
+            if commit and self._file.mode != "read":
+                self.commit()
+                self._order.wait()
+        finally:
+            self._order.end()
+            self._file.close()
+
+    def _signature(self, connection: sqlite3.Connection, node_id: int) -> Signature:
+        row = connection.execute("SELECT map_id, stamp, pose FROM Node WHERE id=?", (node_id,)).fetchone()
+        if row is None:
+            raise FormatError(f"{self.path}: there is no node {node_id}")
+        data = connection.execute(
+            "SELECT calibration, scan, scan_info, user_data FROM Data WHERE id=?", (node_id,)
+        ).fetchone()
+        calibration, scan, scan_info, user_data = data or (None,) * 4
+        version = self._file.layout.version
+        cameras = unpack_cameras(calibration, version)
+        features, points, word_ids = feature_rows.read_features(
+            connection, self._file.layout, node_id, cameras[0] if cameras else None
+        )
+        pose = unpack_pose(row[2])
+        return Signature(
+            id=node_id,
+            map_id=int(row[0]),
+            stamp_ns=self._stamps_ns.get(node_id, node_rows.nanoseconds(row[1])),
+            T_odom_base=np.full((4, 4), np.nan) if pose is None else pose,
+            features=features,
+            points=points,
+            word_ids=word_ids,
+            scan=unpack_scan(scan, scan_info, user_data, version),
+        )
+
+    def _commit(self) -> None:
+        with sqlite_errors(self.path):
+            if self._file.connection.in_transaction:
+                self._file.connection.commit()
+
+    def _write(self, action: Callable[[sqlite3.Connection], object]) -> None:
+        if self._file.mode == "read":
+            raise FormatError(f"{self.path}: opened for reading only")
+
+        def run() -> None:
+            connection = self._file.connection
+            with sqlite_errors(self.path):
+                if not connection.in_transaction:
+                    connection.execute("BEGIN")
+                action(connection)
+
+        self._order.do(run)
+
+    def _read(self, action: Callable[[sqlite3.Connection], Result]) -> Result:
+        self._order.wait()
+        with sqlite_errors(self.path):
+            return action(self._file.connection)
