@@ -124,8 +124,10 @@ class SensorOffer:
     """The mode (see `Tier.modes`) that the user asks for."""
     cameras: frozenset[str] = frozenset()
     """How the recording's images can be used: of ``mono``, ``stereo`` and ``rgbd``."""
+    imu_placed: bool = False
+    """Whether the IMU's place at the camera is known."""
     imu_calibrated: bool = False
-    """Whether the IMU's place at the camera and its noise are known."""
+    """Whether that and its noise are known."""
 
     @property
     def spatial(self) -> bool:
@@ -148,6 +150,9 @@ class InputPlan:
     """Whether the map has three dimensions: then a tilted scanner is no mistake, and odometry is not flattened."""
     keep_scans: bool = False
     """Whether scans stay scans in a map of three dimensions; otherwise they become clouds there."""
+    samples_first: bool = False
+    """Whether odometry and IMU samples up to the end of each scan or cloud, and the first one after it, come before it;
+    otherwise all come as they were recorded. Where there are images they always do."""
     odometry: bool = True
     imu: bool = False
     fixes: bool = False

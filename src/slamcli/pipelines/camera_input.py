@@ -12,48 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import RecordingError, UsageError
-from slamcli.mapper import InputPlan, SensorOffer, Tier
+from slamcli.mapper import InputPlan, Tier
 from slamcli.measurements import (
     CameraRig,
     Image,
-    ImuNoise,
-    ImuSample,
     Measurement,
     RgbdFrame,
-    RigCalibration,
     StereoPair,
 )
-from slamcli.pipelines.camera_rig import BuiltRig, RigSources, build_rig, has_imu_place
+from slamcli.pipelines.camera_finding import CameraRequest, FoundCameras, found_cameras
+from slamcli.pipelines.camera_rig import BuiltRig, RigSources, build_rig
 from slamcli.pipelines.frame_pairing import DEPTH_TOLERANCE_S, STEREO_TOLERANCE_S, FramePairing
-from slamcli.pipelines.imu_halves import find_halves, united
+from slamcli.pipelines.imu_halves import united
 from slamcli.pipelines.reading_ahead import read_ahead
 from slamcli.recordings import Recording, Topic
-from slamcli.recordings.camera_topics import CameraNames, CameraTopics, find_camera_topics
-from slamcli.recordings.imu_noise import recorded_noise
+from slamcli.recordings.camera_topics import CameraNames, CameraTopics
 from slamcli.recordings.raw import RawMessage
-from slamcli.recordings.sensor_picks import NONE
 from slamcli.recordings.stamps import stamp_reader
-from slamcli.recordings.topic_ranks import IMUS, best_topics
 from slamcli.runtime import RunLog
 
 _RATE_SAMPLE = 40
 _DEFAULT_RATE_HZ = 30.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CameraRequest:
-    """What of a recording's cameras to use; None: found from the recording."""
-
-    names: CameraNames
-    imu: str | None = None
-    """IMU topic, or ``none``."""
-    mode: str | None = None
-    base_frame: str | None = None
-    calibration: RigCalibration | None = None
-    """By files: goes before what the recording says."""
-    pairing_tolerance_s: float | None = None
-    start_s: float | None = None
-    duration_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,6 +52,11 @@ class CameraFeed:
     log: RunLog
     _stamps_ns: list[int] = field(default_factory=list)
     """Of the first and the last frame so far."""
+
+    @property
+    def cameras(self) -> CameraFeed:
+        """The part of a feed that gives images: all of this one."""
+        return self
 
     @property
     def rig(self) -> CameraRig:
@@ -127,24 +111,49 @@ class CameraFeed:
         RecordingError
             If there is not one frame.
         """
-        pairing = FramePairing(self.main, self.partner, self._tolerance_ns(), self._imu_name(), self.log)
-        accelerometer = None if self.accelerometer is None else self.accelerometer.name
-        topics = [name for name in (self.main, self.partner, self._imu_name(), accelerometer) if name is not None]
+        pairing = self.pairing(self._imu_name())
 
         def decoded(log: RunLog) -> Iterator[Measurement]:
             read = self.recording.measurements(
-                topics, start_s=self.request.start_s, duration_s=self.request.duration_s, log=log
+                self.streamed, start_s=self.request.start_s, duration_s=self.request.duration_s, log=log
             )
-            if self.imu is not None and accelerometer is not None:
-                return pairing.run(united(read, self.imu.name, accelerometer))
-            return pairing.run(read)
+            return pairing.run(self.whole_imu(read))
 
-        began = self.recording.start_ns
         for measurement in read_ahead(decoded, self.log):
             yield measurement
-            if isinstance(measurement, (Image, StereoPair, RgbdFrame)):
-                self._stamps_ns[1:] = [measurement.stamp_ns]
-                self.log.progress.update((measurement.stamp_ns - began) / 1e9)
+            self.note(measurement)
+        self.tell(pairing)
+
+    @property
+    def streamed(self) -> list[str]:
+        """Names of the topics that are read."""
+        imu = [topic.name for topic in (self.imu, self.accelerometer) if topic is not None]
+        return [name for name in (self.main, self.partner) if name is not None] + imu
+
+    def pairing(self, imu: str | None) -> FramePairing:
+        """Return what makes frames of images, for one reading of the recording."""
+        return FramePairing(self.main, self.partner, self._tolerance_ns(), imu, self.log)
+
+    def whole_imu(self, read: Iterator[Measurement]) -> Iterator[Measurement]:
+        """Return measurements with the two halves of the IMU as one, where they come apart."""
+        if self.imu is None or self.accelerometer is None:
+            return read
+        return united(read, self.imu.name, self.accelerometer.name)
+
+    def note(self, measurement: Measurement) -> None:
+        """Take note of what was handed over."""
+        if isinstance(measurement, (Image, StereoPair, RgbdFrame)):
+            self._stamps_ns[1:] = [measurement.stamp_ns]
+            self.log.progress.update((measurement.stamp_ns - self.recording.start_ns) / 1e9)
+
+    def tell(self, pairing: FramePairing) -> None:
+        """Say what came of a reading, once it is over.
+
+        Raises
+        ------
+        RecordingError
+            If there is not one frame.
+        """
         if pairing.figures.num_frames == 0:
             raise RecordingError(f"{self.recording.name}: {self._why_none(pairing)}")
         pairing.tell("depth image" if self.rig.mode == "rgbd" else "right image")
@@ -191,19 +200,29 @@ def feed_cameras(
     """
     if request.mode is not None and request.mode not in tier.modes:
         raise UsageError(f"--mode {request.mode}: {tier.name} has {', '.join(tier.modes) or 'one mode only'}")
-    cameras = find_camera_topics(recording, request.names)
-    imu, accelerometer = _imu_topics(recording, request)
-    imu_frame = _frame_of(recording, imu)
-    noise = None if imu is None else recorded_noise(recording.raw, imu.name)
-    plan = tier.plan(parameters, given, _offer(recording, request, cameras, imu_frame, noise), log)
+    found = found_cameras(recording, request)
+    plan = tier.plan(parameters, given, found.offer(recording, request), log)
+    return planned_cameras(recording, plan, request, found, log)
+
+
+def planned_cameras(
+    recording: Recording, plan: InputPlan, request: CameraRequest, found: FoundCameras, log: RunLog
+) -> CameraFeed:
+    """Pick the topics of the planned mode, and build the rig.
+
+    Raises
+    ------
+    CalibrationError
+        If a camera's calibration or place is unknown or does not fit.
+    """
     mode = plan.camera_mode or "mono"
-    main, partner = cameras.of(mode)
-    _tell_choice(cameras, mode, main, partner, request.names, log)
-    used = imu if plan.imu else None
+    main, partner = found.topics.of(mode)
+    _tell_choice(found.topics, mode, main, partner, request.names, log)
+    used = found.imu if plan.imu else None
     sources = RigSources(
-        mode=mode, main=main, partner=partner, imu_frame=imu_frame if used is not None else None, imu_noise=noise,
-        given=request.calibration, camera_info=request.names.camera_info, base_frame=request.base_frame,
-        rate_hz=_rate_hz(recording, main.topic),
+        mode=mode, main=main, partner=partner, imu_frame=found.imu_frame if used is not None else None,
+        imu_noise=found.imu_noise, given=request.calibration, camera_info=request.names.camera_info,
+        base_frame=request.base_frame, rate_hz=_rate_hz(recording, main.topic),
     )  # fmt: skip
     for note in request.calibration.notes if request.calibration is not None else ():
         log.warn(note)
@@ -211,49 +230,8 @@ def feed_cameras(
     return CameraFeed(
         recording=recording, plan=plan, request=request, main=main.topic,
         partner=None if partner is None else partner.topic, imu=used,
-        accelerometer=accelerometer if used is not None else None, built=built, log=log,
+        accelerometer=found.accelerometer if used is not None else None, built=built, log=log,
     )  # fmt: skip
-
-
-def _offer(
-    recording: Recording, request: CameraRequest, cameras: CameraTopics, imu_frame: str | None, noise: ImuNoise | None
-) -> SensorOffer:
-    """Return what the tier can choose from."""
-    given = request.calibration
-    noisy = noise is not None or (given is not None and given.imu_noise is not None)
-    camera_frame = cameras.colour[0].frame_id
-    place = imu_frame is not None and has_imu_place(recording, camera_frame, imu_frame, given)
-    return SensorOffer(
-        num_laser_scans=0,
-        cameras=cameras.modes,
-        imu=imu_frame is not None,
-        imu_calibrated=noisy and place,
-        named=frozenset({"imu"} if request.imu not in (None, NONE) else ()),
-        mode=request.mode,
-    )
-
-
-def _imu_topics(recording: Recording, request: CameraRequest) -> tuple[Topic | None, Topic | None]:
-    """Return the topic of the IMU, and that of its accelerometer where the two halves come apart."""
-    if request.imu == NONE:
-        return None, None
-    if request.imu is not None:
-        return recording.topic(request.imu, ImuSample), None
-    found = [topic for topic in recording.topics(ImuSample) if topic.count != 0]
-    halves = find_halves(found)
-    if halves is not None:
-        recording.log.note(
-            f"IMU: gyroscope on {halves[0].name}, accelerometer on {halves[1].name}, interpolated to its stamps"
-        )
-        return halves
-    return next(iter(best_topics(recording, found, 1, IMUS)), None), None
-
-
-def _frame_of(recording: Recording, topic: Topic | None) -> str | None:
-    if topic is None:
-        return None
-    first = next(iter(recording.measurements([topic])), None)
-    return None if first is None else str(first.frame_id)
 
 
 def _tell_choice(

@@ -13,7 +13,8 @@ from slamcli.measurements import RigCalibration
 from slamcli.native.orbslam_cameras import rig_calibration
 from slamcli.parameters import as_dict
 from slamcli.pipelines.camera_calibration import load_calibration, overlaid
-from slamcli.pipelines.camera_input import CameraFeed, CameraRequest, feed_cameras
+from slamcli.pipelines.camera_finding import CameraRequest
+from slamcli.pipelines.camera_input import CameraFeed, feed_cameras
 from slamcli.pipelines.config import NativeConfig
 from slamcli.recordings import Mends, Recording
 from slamcli.recordings.camera_topics import CameraNames
@@ -71,13 +72,34 @@ def feed_of(
     for role, topics in names.named().items():
         if role not in tier.roles:
             raise UsageError(f"{ROLES[role]} {topics[0]}: {tier.name} has no use for it")
-    calibration = overlaid(_configured(config), load_calibration(files))
-    request = CameraRequest(
+    request = request_of(recording, config, names, cameras, files, mode=mode, start_s=start_s, duration_s=duration_s)
+    return feed_cameras(recording, tier, config.parameters, config.sources, request, log)
+
+
+def request_of(
+    recording: Recording,
+    config: NativeConfig,
+    names: TopicNames,
+    cameras: CameraNames,
+    files: Sequence[Path],
+    *,
+    mode: str | None,
+    start_s: float | None,
+    duration_s: float | None,
+) -> CameraRequest:
+    """Return what options and native files ask for: calibration by ``--camera`` before that of the tier's parameters.
+
+    Raises
+    ------
+    InputError
+        If a file is no calibration.
+    """
+    return CameraRequest(
         names=_with_remaps(cameras, config, recording), imu=names.imu, mode=mode, base_frame=names.base_frame,
-        calibration=calibration, pairing_tolerance_s=as_dict(config.parameters).get("slamcli.pairing_tolerance"),
+        calibration=overlaid(_configured(config), load_calibration(files)),
+        pairing_tolerance_s=as_dict(config.parameters).get("slamcli.pairing_tolerance"),
         start_s=start_s, duration_s=duration_s,
     )  # fmt: skip
-    return feed_cameras(recording, tier, config.parameters, config.sources, request, log)
 
 
 def _configured(config: NativeConfig) -> RigCalibration | None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,12 @@ from slamcli.mapper import find_tier
 from slamcli.native import Setting, merge
 from slamcli.native.checks import Finding
 from slamcli.native.checks.files import check_file
-from slamcli.native.orbslam_names import canonical, renamed
+from slamcli.native.orbslam_names import canonical
+from slamcli.native.orbslam_names import renamed as of_new_schema
+from slamcli.native.rtabmap_names import of_today
 from slamcli.native.settings import find_native, read_text
 from slamcli.parameters import Declaration, as_dict, convert, declarations, resolve, unknown_name
-from slamcli.pipelines.native_files import read_native
+from slamcli.pipelines.native_files import RTABMAP, read_native
 from slamcli.runtime import RunLog
 
 FROM_COMMAND_LINE = "--set"
@@ -25,7 +27,7 @@ FROM_COMMAND_LINE = "--set"
 # What nodes call the topics of a role; of several the names end in _1, _2 ...
 _TOPICS = {
     "scans": ("scan", "echoes"),
-    "points": ("points2",),
+    "points": ("points2", "scan_cloud"),
     "odometry": ("odom",),
     "imu": ("imu",),
     "fixes": ("fix",),
@@ -37,10 +39,10 @@ _TOPICS = {
 }
 # What switches a role off: naming its topic in a launch file does not switch it on.
 _SWITCHES = {
-    "odometry": "use_odometry",
-    "imu": "TRAJECTORY_BUILDER_2D.use_imu_data",
-    "fixes": "use_nav_sat",
-    "landmarks": "use_landmarks",
+    "odometry": ("use_odometry", "subscribe_odom"),
+    "imu": ("TRAJECTORY_BUILDER_2D.use_imu_data",),
+    "fixes": ("use_nav_sat",),
+    "landmarks": ("use_landmarks",),
 }
 
 
@@ -58,7 +60,8 @@ class NativeConfig:
 
     def topics(self, role: str) -> tuple[str, ...]:
         """Return the topics that the files name for a role (see `slamcli.mapper.Tier.roles`) that is in use."""
-        if as_dict(self.parameters).get(_SWITCHES.get(role, "")) is False:
+        values = as_dict(self.parameters)
+        if any(values.get(switch) is False for switch in _SWITCHES.get(role, ())):
             return ()
         return tuple(
             topic
@@ -82,8 +85,8 @@ def load_native(
     algo
         Name of the tier.
     files
-        Native files of the system: launch files (``.launch``, ``.xml``) of each; ROS parameter YAML for gmapping; Lua
-        for cartographer. A bare name that is not here means slamcli's own file of that name.
+        Native files of the system: launch files (``.launch``, ``.xml``) of each; ROS parameter YAML for gmapping and
+        rtabmap; Lua for cartographer; ``.ini`` for rtabmap. A bare name that is not here means slamcli's own file of that name.
     sets
         ``KEY=VALUE`` with native keys.
     log
@@ -108,7 +111,7 @@ def load_native(
         found = read_native(algo, find_native(Path(file)), log, arguments or {}, known)
         settings.extend(found.settings)
         remaps.update(found.remaps)
-    settings.extend(_own_name(parse_set(text), known) for text in sets)
+    settings.extend(_own_names([parse_set(text) for text in sets], algo, known, log))
     merged = merge(settings)
     for setting in merged.values():
         _check(setting, known)
@@ -141,9 +144,22 @@ def parse_set(text: str) -> Setting:
     return Setting(name.strip(), value.strip(), FROM_COMMAND_LINE, 0)
 
 
-def _own_name(setting: Setting, known: Mapping[str, Declaration]) -> Setting:
-    """Return a setting under the name of its declaration, where it has a legacy one."""
-    return setting if setting.name in known or canonical(setting.name) not in known else renamed(setting)
+def _own_names(
+    settings: Iterable[Setting], algo: str, known: Mapping[str, Declaration], log: RunLog
+) -> Iterator[Setting]:
+    """Yield settings of the command line under the names of their declarations, where they have those of older versions."""
+    for setting in settings:
+        if setting.name in known:
+            yield setting
+        elif algo == RTABMAP:
+            today = of_today(setting)
+            if today.setting is None:
+                raise ConfigError(f"{setting.source}: {today.remark}")
+            if today.remark:
+                log.note(f"{setting.source}: {today.remark}")
+            yield today.setting
+        else:
+            yield of_new_schema(setting) if canonical(setting.name) in known else setting
 
 
 def _check(setting: Setting, known: Mapping[str, Declaration]) -> None:
@@ -167,7 +183,7 @@ def _tell_what_has_no_effect(settings: Iterable[Setting], known: Mapping[str, De
             continue
         if entry.name.startswith("Viewer.") and setting.line:
             brief.setdefault(setting.file, []).append(setting.name)
-        elif Path(setting.file).suffix != ".lua":
+        elif Path(setting.file).suffix not in (".lua", ".ini"):
             log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")
         elif convert(entry, setting.value) != entry.default:
             brief.setdefault(setting.file, []).append(setting.name)

@@ -19,7 +19,6 @@ from slamcli.grids.depth_mesh import DepthFusion, Mesh
 from slamcli.grids.voxel_means import VoxelMeans
 from slamcli.measurements import PointCloud, RgbdFrame
 from slamcli.pipelines.camera_input import CameraFeed
-from slamcli.pipelines.range_input import SensorFeed
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 from slamcli.vision.dense_depth import DenseDepth
@@ -38,7 +37,7 @@ class DenseChoices:
     range_m: float = 5.0
 
 
-def check_dense(choices: DenseChoices, feed: SensorFeed | CameraFeed) -> None:
+def check_dense(choices: DenseChoices, cameras: CameraFeed | None) -> None:
     """Refuse a dense model of what has no depth images.
 
     Raises
@@ -50,10 +49,10 @@ def check_dense(choices: DenseChoices, feed: SensorFeed | CameraFeed) -> None:
         if choices != DenseChoices():
             raise UsageError("--dense-voxel and --dense-range go with --dense cloud or --dense mesh")
         return
-    if not isinstance(feed, CameraFeed):
+    if cameras is None:
         raise UsageError(f"--dense {choices.kind}: is made from depth images, for systems that see (--algo orbslam3)")
-    if feed.rig.mode != "rgbd":
-        raise UsageError(f"--dense {choices.kind}: needs depth images (--mode rgbd), and this is {feed.rig.mode}")
+    if cameras.rig.mode != "rgbd":
+        raise UsageError(f"--dense {choices.kind}: needs depth images (--mode rgbd), and this is {cameras.rig.mode}")
 
 
 def dense_model(

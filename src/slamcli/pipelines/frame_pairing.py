@@ -70,7 +70,7 @@ class FramePairing:
                 self._samples.append(measurement)
                 now_ns = measurement.stamp_ns
             elif isinstance(measurement, Image):
-                self._take(measurement)
+                self.take(measurement)
                 now_ns = measurement.stamp_ns
             else:
                 continue
@@ -78,6 +78,18 @@ class FramePairing:
             yield from self._ready(now_ns)
         self._decide(None)
         yield from self._ready(None)
+
+    @property
+    def waits_since_ns(self) -> int | None:
+        """Stamp of the first image whose frame is not known yet; None if there is none."""
+        return self._images[0].stamp_ns if self._images else None
+
+    def decided(self, now_ns: int | None) -> list[Image | RgbdFrame | StereoPair]:
+        """Return the further frames that are known once all images up to `now_ns` were taken; None: there are no more images."""
+        self._decide(now_ns)
+        frames = list(self._frames)
+        self._frames.clear()
+        return frames
 
     def tell(self, what: str) -> None:
         """Say what was left out, and how far apart the pairs are."""
@@ -108,7 +120,8 @@ class FramePairing:
                     f" (shift it with --time-offset {self._partner}=SECONDS)"
                 )
 
-    def _take(self, image: Image) -> None:
+    def take(self, image: Image) -> None:
+        """Take the next image of either camera."""
         if image.topic == self._partner:
             self.figures.partners += 1
             self._partners.append(image)

@@ -13,17 +13,16 @@ from typing import Any
 from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.grids.depth_mesh import Mesh
-from slamcli.mapper import MappingResult, Setup, Tier, find_resuming_tier, find_tier
+from slamcli.mapper import MappingResult, Setup, find_resuming_tier, find_tier
 from slamcli.measurements import PointCloud
 from slamcli.outputs import atomic_directory, check_directory, check_file
 from slamcli.parameters import as_dict, declarations
-from slamcli.pipelines.camera_input import CameraFeed
-from slamcli.pipelines.camera_request import check_no_cameras, depth_unit, feed_of
+from slamcli.pipelines.camera_request import depth_unit
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.dense import check_dense, dense_model
 from slamcli.pipelines.evaluate import score_trajectory
+from slamcli.pipelines.feeds import Feed, SensorRequest, find_feed
 from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
-from slamcli.pipelines.range_input import SensorFeed, feed_sensors
 from slamcli.pipelines.run_record import describe_inputs, run_document
 from slamcli.pipelines.saved_state import check_dimensions, load_states, result_of
 from slamcli.pipelines.trajectories import load_trajectory
@@ -33,6 +32,7 @@ from slamcli.recordings import Mends, Recording, open_recording
 from slamcli.recordings.camera_topics import CameraNames
 from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.runtime import RunLog
+from slamcli.vision.vocabulary import Vocabulary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,8 +166,8 @@ def _from_recording(request: MapRequest, config: NativeConfig, state: MapState |
     tier = find_tier(request.algo)
     with open_recording(request.inputs, mends=depth_unit(request.mends, config), log=log) as recording:
         _check_frame(request.base_frame, recording)
-        feed = _feed(request, config, tier, recording, log)
-        check_dense(request.choices.of_dense, feed)
+        feed = find_feed(recording, tier, config, _asked(request), log)
+        check_dense(request.choices.of_dense, feed.cameras)
         check_dimensions(state, spatial=feed.plan.spatial)
         mapper = tier.build(feed.plan.parameters, _setup(request, feed, state, log))
         with log.stage("read"):
@@ -176,29 +176,14 @@ def _from_recording(request: MapRequest, config: NativeConfig, state: MapState |
         duration_s = feed.length_s
         result = mapper.finish()
         dense = None
-        if isinstance(feed, CameraFeed) and request.choices.dense != "none" and result.keyframes is not None:
+        if feed.cameras is not None and request.choices.dense != "none" and result.keyframes is not None:
             with log.stage("dense"):
-                dense = dense_model(feed, result.keyframes, request.choices.of_dense, result.trajectory.frame_id, log)
+                dense = dense_model(
+                    feed.cameras, result.keyframes, request.choices.of_dense, result.trajectory.frame_id, log
+                )
     return _Run(
         result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=duration_s,
         dense=dense,
-    )  # fmt: skip
-
-
-def _feed(
-    request: MapRequest, config: NativeConfig, tier: Tier, recording: Recording, log: RunLog
-) -> SensorFeed | CameraFeed:
-    """Return where the tier's measurements come from: cameras for one that sees, else range sensors."""
-    names = _names(request, config, recording)
-    if "images" in tier.roles:
-        return feed_of(
-            recording, tier, config, names, request.cameras, request.camera_files, log,
-            mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
-        )  # fmt: skip
-    check_no_cameras(request.cameras, request.camera_files, tier.name)
-    return feed_sensors(
-        recording, tier, config.parameters, config.sources, names, log,
-        mode=request.mode, start_s=request.start_s, duration_s=request.duration_s,
     )  # fmt: skip
 
 
@@ -240,28 +225,6 @@ def default_output(inputs: Sequence[Path]) -> Path:
     return first.parent / f"{name}-maps"
 
 
-def _names(request: MapRequest, config: NativeConfig, recording: Recording) -> TopicNames:
-    """Return the topics and frames that are named: by flags, else by native files.
-
-    A scanner's topic that a launch file names must be there; other sensors' topics are taken if the recording has them.
-    """
-    recorded = {topic.name.lstrip("/") for topic in recording.contents.topics}
-
-    def remapped(role: str) -> str | None:
-        return next((name for name in config.topics(role) if name.lstrip("/") in recorded), None)
-
-    return TopicNames(
-        scans=tuple(request.scan_topics) or config.topics("scans"),
-        points=tuple(request.points_topics) or config.topics("points"),
-        odometry=request.odom_topic or remapped("odometry"),
-        imu=request.imu_topic or remapped("imu"),
-        fixes=request.fix_topic or remapped("fixes"),
-        landmarks=request.landmark_topic or remapped("landmarks"),
-        base_frame=request.base_frame,
-        odom_frame=request.odom_frame,
-    )
-
-
 def _check_frame(name: str | None, recording: Recording) -> None:
     """Refuse a base frame that the user named and the recording's transforms do not know.
 
@@ -275,7 +238,7 @@ def _check_frame(name: str | None, recording: Recording) -> None:
         raise CalibrationError(f"--base-frame {name}: {recording.name} has no such frame; it has {', '.join(known)}")
 
 
-def _setup(request: MapRequest, feed: SensorFeed | CameraFeed, state: MapState | None, log: RunLog) -> Setup:
+def _setup(request: MapRequest, feed: Feed, state: MapState | None, log: RunLog) -> Setup:
     return Setup(
         T_base_laser=feed.T_base_laser,
         T_base_sensor=feed.T_base_sensor,
@@ -287,12 +250,29 @@ def _setup(request: MapRequest, feed: SensorFeed | CameraFeed, state: MapState |
         state=state,
         atlas=request.atlas.read_atlas(log),
         localise_only=request.atlas.localise_only,
-        vocabulary=request.atlas.find_vocabulary(feed.plan.parameters, request.inputs, feed.main, log)
-        if isinstance(feed, CameraFeed)
-        else None,
+        vocabulary=_vocabulary(request, feed, log),
         no_return=request.mends.no_return,
         log=log,
     )
+
+
+def _asked(request: MapRequest) -> SensorRequest:
+    names = TopicNames(
+        scans=tuple(request.scan_topics), points=tuple(request.points_topics), odometry=request.odom_topic,
+        imu=request.imu_topic, fixes=request.fix_topic, landmarks=request.landmark_topic, base_frame=request.base_frame,
+        odom_frame=request.odom_frame,
+    )  # fmt: skip
+    return SensorRequest(
+        names=names, cameras=request.cameras, camera_files=request.camera_files, mode=request.mode,
+        start_s=request.start_s, duration_s=request.duration_s,
+    )  # fmt: skip
+
+
+def _vocabulary(request: MapRequest, feed: Feed, log: RunLog) -> Vocabulary | None:
+    """Return the words of a tier that has no memory of its own to learn them from."""
+    if feed.cameras is None or find_tier(request.algo).remembers:
+        return None
+    return request.atlas.find_vocabulary(feed.plan.parameters, request.inputs, feed.cameras.main, log)
 
 
 def _changed(config: NativeConfig) -> dict[str, Any]:

@@ -16,10 +16,12 @@ from slamcli.native.orbslam_launch import find_settings
 from slamcli.native.orbslam_names import NODE_PACKAGES, NODES, renamed
 from slamcli.native.settings import shipped_folders
 from slamcli.parameters import Declaration
+from slamcli.pipelines.rtabmap_files import read_rtabmap
 from slamcli.runtime import RunLog
 
 CARTOGRAPHER = "cartographer"
 ORBSLAM3 = "orbslam3"
+RTABMAP = "rtabmap"
 # Nodes of a launch file that a tier stands for, by their type.
 _NODES = {
     "gmapping": ("slam_gmapping",),
@@ -61,6 +63,9 @@ def read_native(
         If the file cannot be read or holds nothing for this tier.
     """
     suffix = path.suffix.lower()
+    if algo == RTABMAP:
+        settings, remaps = read_rtabmap(path, log, arguments, known)
+        return NativeFile(settings=settings, remaps=remaps)
     if suffix in (".launch", ".xml"):
         return _read_launch(algo, path, log, arguments, known)
     if algo == CARTOGRAPHER:

@@ -13,25 +13,19 @@ from numpy.typing import NDArray
 
 from slamcli.errors import UsageError
 from slamcli.mapper import InputPlan, Tier
-from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud
-from slamcli.pipelines.blind_spells import BlindSpells
-from slamcli.pipelines.fixed_frame import FixedFrame
-from slamcli.pipelines.message_sampling import FixedRatioSampler, sampler_by_topic
-from slamcli.pipelines.odometry_input import moved_to, odometry_from_tf
-from slamcli.pipelines.scan_cloud import cloud_of
-from slamcli.recordings import Recording, Topic
+from slamcli.measurements import LaserScan, Measurement, PointCloud
+from slamcli.pipelines.sensor_order import SensorOrder
+from slamcli.pipelines.sensor_stream import OTHERS, SensorStream, others
+from slamcli.recordings import Recording
 from slamcli.recordings.laser_mount import LaserMount, find_cloud_mount, find_laser_mount, find_sensor_mount
 from slamcli.recordings.scan_normalisation import (
     FAN_SAMPLE,
     Fan,
-    ScanNormaliser,
     most_frequent_fan,
     turn_counter_clockwise,
 )
-from slamcli.recordings.sensor_picks import ROLES, SensorPicks, TopicNames, offered_sensors, pick_sensors
+from slamcli.recordings.sensor_picks import NONE, ROLES, SensorPicks, TopicNames, offered_sensors, pick_sensors
 from slamcli.runtime import RunLog
-
-_SENSORS = {"imu": "IMU", "fixes": "receiver", "landmarks": "landmark detector"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,9 +51,14 @@ class SensorFeed:
         return {name: mount.T_base_laser for name, mount in self.mounts.items()}
 
     @property
+    def cameras(self) -> None:
+        """No cameras."""
+        return
+
+    @property
     def rig(self) -> None:
         """No cameras."""
-        return None
+        return
 
     @property
     def base_frame(self) -> str:
@@ -75,7 +74,7 @@ class SensorFeed:
             **_listed("scan", [topic.name for topic in picks.scans]),
             **_listed("points", [topic.name for topic in picks.clouds]),
             "odometry": topic.name if topic is not None else odometry.odometry,
-            **{role: found.name for role, found in self._others().items()},
+            **{role: found.name for role, found in others(self.picks).items()},
         }
 
     @property
@@ -88,7 +87,7 @@ class SensorFeed:
             "odom": odometry.odom_frame,
             **_listed("laser", [picks.frames[topic.name] for topic in ranges]),
             **_listed("laser_mount", [self.mounts[topic.name].source for topic in ranges]),
-            **{role: picks.frames.get(found.name) for role, found in self._others().items()},
+            **{role: picks.frames.get(found.name) for role, found in others(self.picks).items()},
         }
 
     @property
@@ -102,61 +101,34 @@ class SensorFeed:
 
         Scans are counter-clockwise, cleaned and on their scanner's fan, or in space clouds of their returns; clouds and IMU samples are in their sensors' frames;
         odometry is that of the base; fixes are poses in a plane that touches the earth at the first one. Odometry from
-        tf has no place in that order, and comes first.
+        tf has no place in that order, and comes first. Where the plan wants samples first, each scan and cloud is held
+        back for them (see `slamcli.pipelines.sensor_order`).
         """
-        sampler = sampler_by_topic(self.picks, self.plan.ratios)
-        odometry = self.picks.odometry
-        if odometry.odometry == "tf":
-            tf_sampler = FixedRatioSampler(self.plan.ratios.get("odometry", 1.0))
-            track = odometry_from_tf(
-                self.recording, odometry, spatial=self.plan.spatial, start_s=self.start_s, duration_s=self.duration_s
-            )
-            yield from (measurement for measurement in track if tf_sampler.pulse())
-        child_to_base = moved_to(self.recording, odometry)
-        fixed = FixedFrame(self.log)
-        normalisers, blind = self._normalisers(), BlindSpells(self.log)
+        stream = SensorStream(self.recording, self.plan, self.picks, self.mounts, self.fans, self.log)
+        yield from stream.tf_track(self.start_s, self.duration_s)
+        read = self.recording.measurements(
+            stream.topics, start_s=self.start_s, duration_s=self.duration_s, log_order=True
+        )
         began = self.recording.start_ns
-        for measurement in self.recording.measurements(
-            self._streamed(), start_s=self.start_s, duration_s=self.duration_s, log_order=True
-        ):
-            if not sampler[measurement.topic].pulse():
-                continue
-            if isinstance(measurement, LaserScan):
-                scan = normalisers[measurement.topic].normalise(measurement)
-                blind.see(scan)
-                yield cloud_of(scan) if self.plan.spatial and not self.plan.keep_scans else scan
-            elif self.picks.fixes is not None and measurement.topic == self.picks.fixes.name:
-                yield from fixed.poses(measurement)
-            elif isinstance(measurement, Odometry):
-                yield child_to_base(measurement)
-            else:
-                yield measurement
-            if isinstance(measurement, PointCloud):
-                blind.see(measurement)
+        for measurement in self._ordered(read, stream):
+            yield measurement
             if isinstance(measurement, (LaserScan, PointCloud)):
                 self.log.progress.update((measurement.stamp_ns - began) / 1e9)
-        blind.tell()
-        for normaliser in normalisers.values():
-            normaliser.tell()
+        stream.tell()
 
-    def _streamed(self) -> list[Topic]:
-        """Return every topic that is read message by message."""
-        scans = [topic for topic in self.picks.scans if topic.name in self.fans]
-        odometry = [self.picks.odometry.odom_topic] if self.picks.odometry.odom_topic is not None else []
-        return [*scans, *self.picks.clouds, *odometry, *self._others().values()]
-
-    def _normalisers(self) -> dict[str, ScanNormaliser]:
-        return {
-            name: ScanNormaliser(
-                fan, mirrored=self.mounts[name].upside_down, log=self.log, name=name if len(self.fans) > 1 else ""
-            )
-            for name, fan in self.fans.items()
-        }
-
-    def _others(self) -> dict[str, Topic]:
-        """Return the topics of sensors that are neither scanners nor odometry, by role."""
-        found = {role: getattr(self.picks, role) for role in _SENSORS}
-        return {role: topic for role, topic in found.items() if topic is not None}
+    def _ordered(self, read: Iterator[Measurement], stream: SensorStream) -> Iterator[Measurement]:
+        if not self.plan.samples_first:
+            for measurement in read:
+                yield from stream.of(measurement)
+            return
+        order = SensorOrder(self.picks.sample_topics, (), self.log, by_stamp=False)
+        now_ns = 0
+        for measurement in read:
+            now_ns = max(now_ns, measurement.stamp_ns)
+            for found in stream.of(measurement):
+                yield from order.add(found)
+            yield from order.ready(now_ns)
+        yield from order.ready(None)
 
 
 def feed_sensors(
@@ -191,15 +163,41 @@ def feed_sensors(
     UsageError
         If the tier has no such mode or no use for a named topic, or ``--laser-pose`` is to place several scanners.
     """
-    _check_usage(tier, names, mode)
+    check_usage(tier, names, mode)
     offer = replace(offered_sensors(recording, names, tier.roles), mode=mode)
     plan = tier.plan(parameters, given, offer, log)
+    return planned_sensors(recording, tier, plan, names, log, start_s=start_s, duration_s=duration_s)
+
+
+def planned_sensors(
+    recording: Recording,
+    tier: Tier,
+    plan: InputPlan,
+    names: TopicNames,
+    log: RunLog,
+    *,
+    camera_frame: str | None = None,
+    start_s: float | None = None,
+    duration_s: float | None = None,
+) -> SensorFeed:
+    """Pick topics, frames and mounts as planned.
+
+    Parameters
+    ----------
+    camera_frame
+        From where the base frame is looked for; None: from the first range sensor.
+
+    Raises
+    ------
+    InputError
+        As `feed_sensors`.
+    """
     num_scans = plan.num_laser_scans + (plan.num_multi_echo_laser_scans or 0)
-    if len(names.scans) > num_scans:
+    if len(names.scans) > num_scans and names.scans != (NONE,):
         repeated = len(set(names.scans)) < len(names.scans)
-        why = "one topic more than once" if repeated else f"{tier.name} takes one scanner"
+        why = "one topic more than once" if repeated else f"{tier.name} takes {_scanners(num_scans)}"
         raise UsageError(f"--scan-topic was given {len(names.scans)} times: {why}")
-    picks = pick_sensors(recording, names, plan, tier.roles)
+    picks = pick_sensors(recording, names, plan, tier.roles, camera_frame=camera_frame)
     mounts = _mounts(recording, picks, plan)
     fans: dict[str, Fan] = {}
     for topic in picks.scans:
@@ -210,7 +208,6 @@ def feed_sensors(
         if fan is not None:
             fans[topic.name] = fan
     base = picks.odometry.base_frame
-    others = {role: topic for role in _SENSORS if (topic := getattr(picks, role)) is not None}
     return SensorFeed(
         recording=recording,
         plan=plan,
@@ -218,9 +215,9 @@ def feed_sensors(
         mounts=mounts,
         T_base_sensor={
             topic.name: find_sensor_mount(
-                recording, base_frame=base, sensor_frame=picks.frames.get(topic.name, ""), what=_SENSORS[role]
+                recording, base_frame=base, sensor_frame=picks.frames.get(topic.name, ""), what=OTHERS[role]
             )
-            for role, topic in others.items()
+            for role, topic in others(picks).items()
         },
         fans=fans,
         start_s=start_s,
@@ -229,7 +226,11 @@ def feed_sensors(
     )
 
 
-def _check_usage(tier: Tier, names: TopicNames, mode: str | None) -> None:
+def _scanners(number: int) -> str:
+    return {0: "no scanner", 1: "one scanner"}.get(number, f"{number} scanners")
+
+
+def check_usage(tier: Tier, names: TopicNames, mode: str | None) -> None:
     """Refuse a mode that the tier does not have, and topics that it has no use for."""
     if mode is not None and mode not in tier.modes:
         raise UsageError(f"--mode {mode}: {tier.name} has {' and '.join(tier.modes) or 'one mode only'}")

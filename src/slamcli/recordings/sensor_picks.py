@@ -47,6 +47,7 @@ class TopicNames:
     """What the caller names; None or empty: found from the recording."""
 
     scans: tuple[str, ...] = ()
+    """Topics, or ``none`` alone, as of the next."""
     points: tuple[str, ...] = ()
     odometry: str | None = None
     """A topic, ``tf`` for the transform from `odom_frame` to `base_frame`, or ``none``."""
@@ -81,8 +82,16 @@ class SensorPicks:
         """Topics of scans, then of clouds."""
         return (*self.scans, *self.clouds)
 
+    @property
+    def sample_topics(self) -> tuple[str, ...]:
+        """Names of the topics of odometry and of the IMU."""
+        found = (self.odometry.odom_topic, self.imu)
+        return tuple(topic.name for topic in found if topic is not None)
 
-def offered_sensors(recording: Recording, names: TopicNames, roles: Collection[str]) -> SensorOffer:
+
+def offered_sensors(
+    recording: Recording, names: TopicNames, roles: Collection[str], *, ranges_needed: bool = True
+) -> SensorOffer:
     """Return what a recording holds for mapping; named topics and ``none`` leave only what is named.
 
     Parameters
@@ -93,10 +102,10 @@ def offered_sensors(recording: Recording, names: TopicNames, roles: Collection[s
     Raises
     ------
     RecordingError
-        If a named topic is missing, empty or of another type, or there is no range sensor at all.
+        If a named topic is missing, empty or of another type, or there is no range sensor at all and one is needed.
     """
     scans, clouds = _ranges(recording, names, roles)
-    if not scans and not clouds:
+    if ranges_needed and not scans and not clouds:
         raise RecordingError(f"{recording.name}: {_no_ranges(recording, roles)}")
     echoes = [topic for topic in scans if is_multi_echo(topic)]
     moving = any(not edge.static for edge in recording.frames().edges)
@@ -105,7 +114,7 @@ def offered_sensors(recording: Recording, names: TopicNames, roles: Collection[s
         num_laser_scans=len(scans) - len(echoes),
         num_multi_echo_laser_scans=len(echoes),
         num_point_clouds=len(clouds),
-        flat_clouds=not scans and _is_flat(recording, ranked(clouds, CLOUDS)[0]),
+        flat_clouds=bool(clouds) and not scans and _is_flat(recording, ranked(clouds, CLOUDS)[0]),
         odometry=names.odometry != NONE and (names.odometry is not None or moving or bool(usable_odometry(odometry))),
         imu=_offers(recording, names.imu, ImuSample),
         fixes=_offers(recording, names.fixes, GeoFix),
@@ -114,8 +123,12 @@ def offered_sensors(recording: Recording, names: TopicNames, roles: Collection[s
     )
 
 
-def pick_sensors(recording: Recording, names: TopicNames, plan: InputPlan, roles: Collection[str]) -> SensorPicks:
+def pick_sensors(
+    recording: Recording, names: TopicNames, plan: InputPlan, roles: Collection[str], *, camera_frame: str | None = None
+) -> SensorPicks:
     """Return the topics and frames to use: what the caller names, else what fits best of what is planned.
+
+    The base frame is looked for from `camera_frame`; None: from the first range sensor.
 
     Raises
     ------
@@ -123,13 +136,13 @@ def pick_sensors(recording: Recording, names: TopicNames, plan: InputPlan, roles
         If a named topic is missing, empty or of another type, or no message of the first range sensor can be decoded.
     """
     found, clouds = _ranges(recording, names, roles)
-    scans = _planned_scans(recording, found, plan) if not names.scans else found
-    clouds = best_topics(recording, clouds, plan.num_point_clouds, CLOUDS) if not names.points else clouds
+    scans = _planned_scans(recording, found, plan) if names.scans in ((), (NONE,)) else found
+    clouds = best_topics(recording, clouds, plan.num_point_clouds, CLOUDS) if names.points in ((), (NONE,)) else clouds
     frames = {topic.name: frame for topic in (*scans, *clouds) if (frame := _frame(recording, topic)) is not None}
     scans, clouds = (_decodable(recording, topics, frames) for topics in (scans, clouds))
     odometry = pick_odometry(
         recording,
-        next(iter(frames.values())),
+        next(iter(frames.values())) if camera_frame is None else camera_frame,
         odom_topic=None if names.odometry == NONE else names.odometry,
         base_frame=names.base_frame or _known_frame(recording, plan.base_frame),
         odom_frame=names.odom_frame or plan.odom_frame,
@@ -183,13 +196,15 @@ def _ranges(
     recording: Recording, names: TopicNames, roles: Collection[str]
 ) -> tuple[tuple[Topic, ...], tuple[Topic, ...]]:
     """Return the topics of scans and of clouds that can be used: those that are named, else all."""
-    if names.scans or names.points:
+    given = [tuple(name for name in named if name != NONE) for named in (names.scans, names.points)]
+    if any(given):
         return (
-            tuple(dict.fromkeys(recording.topic(name, LaserScan) for name in names.scans)),
-            tuple(dict.fromkeys(recording.topic(name, PointCloud) for name in names.points)),
+            tuple(dict.fromkeys(recording.topic(name, LaserScan) for name in given[0])),
+            tuple(dict.fromkeys(recording.topic(name, PointCloud) for name in given[1])),
         )
     scans, clouds = (
-        tuple(topic for topic in recording.topics(kind) if topic.count != 0) for kind in (LaserScan, PointCloud)
+        () if named == (NONE,) else tuple(topic for topic in recording.topics(kind) if topic.count != 0)
+        for kind, named in ((LaserScan, names.scans), (PointCloud, names.points))
     )
     return scans, clouds if "points" in roles else ()
 
@@ -230,6 +245,18 @@ def _one(recording: Recording, named: str | None, kinds: tuple[type, ...], role:
         return recording.topic(named, fits)
     found = [topic for topic in recording.topics(kinds[0]) if topic.count != 0]
     return next(iter(best_topics(recording, found, 1, role)), None)
+
+
+def range_frames(recording: Recording, names: TopicNames, roles: Collection[str]) -> dict[str, str]:
+    """Return the frame of each range sensor that can be used, by topic; those without a message that can be decoded are left out.
+
+    Raises
+    ------
+    RecordingError
+        If a named topic is missing, empty or of another type.
+    """
+    scans, clouds = _ranges(recording, names, roles)
+    return {topic.name: frame for topic in (*scans, *clouds) if (frame := _frame(recording, topic)) is not None}
 
 
 def _frame(recording: Recording, topic: Topic) -> str | None:
