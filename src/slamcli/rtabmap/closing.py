@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se3
+from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_settings
 from slamcli.rtabmap.hypothesis import Hypothesis
 from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
@@ -70,8 +71,25 @@ class Closing:
         self._parameters, self._memory = parameters, memory
         self._camera, self._T_base_camera, self._seed = camera, T_base_camera, seed
         self._settings = visual_settings(parameters.vis, parameters.reg)
+        optimizer, gtsam = parameters.optimizer, parameters.gtsam
+        self._optimiser = GraphOptimiser(graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof))
         self._last_closure = 0
         self.failures: list[Failure] = []
+
+    def hypothesis(self, node: Signature, graph: MapGraph) -> Hypothesis:
+        """Return which place the node most likely shows."""
+        return Hypothesis(0, 0.0, False)
+
+    def optimise(self, ids: Sequence[int], graph: MapGraph) -> OptimisedGraph:
+        """Return where the links among some nodes agree best; nothing is changed."""
+        poses = np.array([graph.T_map_base[node_id] for node_id in ids])
+        own = [node_id for node_id in ids if node_id > 0]
+        root = own[-1] if self._parameters.rgbd.optimize_from_graph_end else own[0]
+        return self._optimiser.optimise(ids, poses, graph.links_among(ids), root=root)
+
+    def bears(self, solution: OptimisedGraph, proposals: Sequence[Proposal]) -> bool:
+        limit = self._parameters.rgbd.optimize_max_error
+        return limit <= 0 or solution.max_ratio <= limit
 
     def by_looks(self, node: Signature, hypothesis: Hypothesis, graph: MapGraph) -> list[Proposal]:
         """Return the closure with the place that the node most likely shows, if it is accepted and its geometry holds."""
@@ -122,6 +140,10 @@ class Closing:
                     found.append(proposal)
             if found:
                 yield found
+
+    def refined(self, link: Link, old: Signature, new: Signature) -> Link:
+        """Return a link between neighbours, measured anew if RGBD/NeighborLinkRefining asks for it and it can be."""
+        return link
 
     def _register(self, old: Signature, new: Signature, guess: Floats | None) -> Registration:
         if self._camera is None:

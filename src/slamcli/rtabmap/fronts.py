@@ -15,6 +15,7 @@ from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.signature import NodeImages
 from slamcli.vision.features import Features
+from slamcli.vision.pinhole import Pinhole
 from slamcli.vision.preparation import PreparedFrame
 
 Floats = NDArray[np.float64]
@@ -22,6 +23,14 @@ Floats = NDArray[np.float64]
 
 class Front(Protocol):
     """Takes measurements in the order in which they were recorded, and hands out moments with a pose by odometry."""
+
+    @property
+    def camera(self) -> Pinhole | None:
+        """The ideal camera of all features; None for a robot without cameras."""
+
+    @property
+    def T_base_camera(self) -> Floats:
+        """Its pose in the base frame, float64 (4, 4)."""
 
     def take(self, measurement: Measurement) -> Iterator[Moment]:
         """Take the next measurement; yield what is ready."""

@@ -16,6 +16,7 @@ from slamcli.posegraph.keyframe_graph import EDGE_KINDS, KeyframeGraph
 from slamcli.rtabmap.frame_track import FrameTrack, PlacedFrames
 from slamcli.rtabmap.links import CLOSURES, Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
+from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.session import Session
 from slamcli.rtabmap.update_record import columns
 from slamcli.trajectory import Trajectory
@@ -93,6 +94,19 @@ def summary_of(session: Session, track: FrameTrack, ids: list[int], placed: Plac
     }
 
 
-def step_columns(session: Session) -> dict[str, NDArray[Any]]:
-    """Return the per-update statistics."""
-    return columns(session.records)
+def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters, setup: Setup) -> MappingResult:
+    """Return trajectory, nodes and maps, and close the database."""
+    graph = session.graph
+    ids = chosen_component(graph, session.own_nodes)
+    placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
+    session.close(ids)
+    keyframes = PlacedFrames(
+        np.arange(len(ids)), np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64),
+        np.array([graph.T_map_base[node_id] for node_id in ids]),
+    )  # fmt: skip
+    return MappingResult(
+        trajectory=trajectory_of(placed, setup), keyframes=trajectory_of(keyframes, setup),
+        keyframe_graph=keyframe_graph(graph, ids), steps=columns(session.records),
+        summary=summary_of(session, track, ids, placed),
+        database=None if setup.database is None else setup.database.path,
+    )  # fmt: skip

@@ -29,6 +29,15 @@ class PlanarFront:
             scan_odometry_settings(parameters, setup.no_return), setup.T_base_laser, setup.log
         )
 
+    @property
+    def camera(self) -> None:
+        """There is none."""
+
+    @property
+    def T_base_camera(self) -> Floats:
+        """Of no camera: the base itself."""
+        return np.eye(4)
+
     def take(self, measurement: Measurement) -> Iterator[Moment]:
         """Take the next measurement; nothing is ready before the end."""
         if isinstance(measurement, (LaserScan, Odometry)):

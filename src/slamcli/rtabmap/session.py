@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se3
-from slamcli.rtabmap.closing import Closing, Proposal
-from slamcli.rtabmap.closure_check import ClosureRecord
+from slamcli.rtabmap.closing import Closing, Proposal, information_of
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.keeping import Keeping
 from slamcli.rtabmap.links import Link, LinkKind
@@ -73,10 +72,10 @@ class Session:
             self.memory.rehearse(signature)
             return None
         self._extend(signature, node)
+        self.keeping.add(signature, node)
         added = self.memory.add(signature)
-        self.keeping.add(signature, node, self.graph)
         if added.merged_id is not None:
-            self.graph.merge(added.merged_id, signature.id)
+            self._merge(added.merged_id, signature.id)
         hypothesis = self.closing.hypothesis(signature, self.graph)
         retrieved = self.memory.retrieve(hypothesis.node, self.graph)
         proposals = [
@@ -84,8 +83,8 @@ class Session:
             *self.closing.by_place(signature, self.graph),
         ]
         accepted, optimised = self._close(signature.id, proposals)
-        transferred = self.memory.transfer(keep=[proposal.link.from_id for proposal in accepted], graph=self.graph)
-        self.keeping.update(signature.id, self.graph, self.memory)
+        transferred = self.memory.transfer([proposal.link.from_id for proposal in accepted], self.graph)
+        self._previous = signature
         by_looks = [proposal for proposal in accepted if proposal.link.kind == LinkKind.GLOBAL_CLOSURE]
         sizes = self.memory.sizes()
         self.records.append(
@@ -93,24 +92,43 @@ class Session:
                 stamp_ns=signature.stamp_ns, node=signature.id, map_id=signature.map_id, num_features=len(signature.features),
                 hypothesis=hypothesis.node, posterior=hypothesis.posterior,
                 loop_closure=by_looks[0].link.from_id if by_looks else 0,
-                loop_inliers=by_looks[0].num_inliers if by_looks else 0,
+                loop_inliers=by_looks[0].registration.num_inliers if by_looks else 0,
                 proximity_closures=len(accepted) - len(by_looks), refused=len(proposals) - len(accepted),
                 short_term=sizes.short_term, working=sizes.working, long_term=sizes.long_term, words=sizes.words,
                 retrieved=len(retrieved), transferred=len(transferred), rehearsed=added.merged_id or 0, optimised=optimised,
             )
         )  # fmt: skip
-        self._previous = signature
+        self.keeping.end_update(self.memory, self.records[-1])
         return signature.id
 
     def finish(self, track: FrameTrack) -> None:
         """Tie nodes by the odometry as it is known in the end, look once more for places, and optimise everything."""
         self._use_final_odometry(track)
         self._optimise_all()
-        for proposals in self.closing.in_the_end(self.graph, self.memory):
+        for _ in range(self.parameters.slamcli.final_searches):
+            if not self._search_again():
+                break
+            self._optimise_all()
+
+    def close(self, ids: Sequence[int]) -> None:
+        """Write what the next session begins with, with the poses of some nodes, and close the database."""
+        self.keeping.finish(self.graph, self.memory, self.parameters, ids)
+
+    def _search_again(self) -> bool:
+        """Return whether the finished map showed places that no closure tied yet."""
+        found = False
+        for proposals in self.closing.in_the_end(self.graph, self.own_nodes):
             accepted, _ = self._close(proposals[0].link.to_id, proposals, everything=True)
-            if accepted:
-                self._optimise_all()
-        self.keeping.finish(self.graph, self.memory, self.parameters)
+            found = found or bool(accepted)
+        return found
+
+    def _merge(self, gone: int, kept: int) -> None:
+        """Let one node stand for another that saw the same."""
+        old = [link for link in self.graph.links if gone in (link.from_id, link.to_id)]
+        before = len(self.graph.links) - len(old)
+        self.graph.merge(gone, kept)
+        self.keeping.unlink(old)
+        self.keeping.link(self.graph.links[before:])
 
     def _signature(self, node: NodeInput) -> Signature:
         if node.began_anew:
@@ -147,6 +165,7 @@ class Session:
         link = self.closing.refined(link, self._previous, signature)
         self.graph.add_node(own, self.graph.T_map_base[self._previous.id] @ link.T_from_to)
         self.graph.add_link(link)
+        self.keeping.link([link])
 
     def _close(
         self, node_id: int, proposals: Sequence[Proposal], *, everything: bool = False
@@ -158,17 +177,14 @@ class Session:
             self.graph.add_link(proposal.link)
         ids = self._scope(node_id, everything=everything)
         solution = self.closing.optimise(ids, self.graph)
-        verdict = self.closing.judge(solution, proposals)
-        if verdict.accepted:
+        if self.closing.bears(solution, proposals):
             self.graph.place(ids, solution.T_map_base)
-        self.closures += verdict.records
-        self.graph.remove_links([proposal.link for proposal in verdict.refused])
-        if verdict.refused and verdict.accepted:
-            ids = self._scope(node_id, everything=everything)
-            self.graph.place(ids, self.closing.optimise(ids, self.graph).T_map_base)
-        elif verdict.refused and len(proposals) > 1:  # one wrong closure must not take the right ones along
+            self.keeping.link([proposal.link for proposal in proposals])
+            return list(proposals), solution.moved
+        self.graph.remove_links([proposal.link for proposal in proposals])
+        if len(proposals) > 1:  # one wrong closure must not take the right ones along
             return self._one_by_one(node_id, proposals, everything=everything)
-        return verdict.accepted, len(ids) if verdict.accepted else 0
+        return [], 0
 
     def _one_by_one(
         self, node_id: int, proposals: Sequence[Proposal], *, everything: bool

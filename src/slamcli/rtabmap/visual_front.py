@@ -58,6 +58,11 @@ class VisualFront:
         self._last: Floats | None = None
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
 
+    @property
+    def T_base_camera(self) -> Floats:
+        """Pose of the ideal camera in the base frame, float64 (4, 4)."""
+        return self.preparation.T_base_camera
+
     def take(self, measurement: Measurement) -> Iterator[Moment]:
         """Take the next measurement; yield the frames that are ready."""
         if isinstance(measurement, (StereoPair, RgbdFrame, Image)):
