@@ -8,7 +8,7 @@ import pytest
 
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.sparse_map import SparseMap
-from slamcli.orbslam3.visible_points import visible_points  # its kernels: _projection_kernels
+from slamcli.orbslam3.visible_points import visible_points  # its kernels: vision._projection_kernels
 from slamcli.vision.features import Features
 from slamcli.vision.matching import feature_grid
 from slamcli.vision.pinhole import Pinhole

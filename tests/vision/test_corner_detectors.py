@@ -55,8 +55,8 @@ def test_descriptors_are_found_again_in_a_shifted_image() -> None:
     rng = np.random.default_rng(4)
     image = np.asarray(rng.integers(0, 256, (120, 160)), dtype=np.uint8)
     pixels, strengths = find_corners(image, GfttSettings(), most=60)
-    one = described_corners(image, pixels, strengths, upright=False)
-    two = described_corners(np.roll(image, 5, axis=1), pixels + np.array([5.0, 0.0]), strengths, upright=False)
+    one = described_corners(image, pixels, strengths, angle_rad=None)
+    two = described_corners(np.roll(image, 5, axis=1), pixels + np.array([5.0, 0.0]), strengths, angle_rad=None)
     matched = match_brute_force(one.descriptors, two.descriptors, max_distance=20, ratio=0.8)
     hits = np.flatnonzero(matched >= 0)
     assert len(hits) > 0.8 * len(one)
@@ -64,7 +64,7 @@ def test_descriptors_are_found_again_in_a_shifted_image() -> None:
 
 
 def test_upright_descriptors_have_no_angle() -> None:
-    angles, descriptors = describe_at(squares(), np.array([[60, 60]]), upright=True)
+    angles, descriptors = describe_at(squares(), np.array([[60, 60]]), angle_rad=0.0)
     turned, others = describe_at(squares(), np.array([[60, 60]]))
     assert angles[0] == 0.0
     assert turned[0] != 0.0

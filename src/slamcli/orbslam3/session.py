@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.geometry.motion import part_of
 from slamcli.orbslam3.bundles import adjust_all
 from slamcli.orbslam3.disparity_offset import DisparityOffset, apply_offset, find_disparity_offset, with_offset
 from slamcli.orbslam3.frame import Frame, repeats
@@ -20,7 +21,6 @@ from slamcli.orbslam3.initialisation import MonocularStart, start_with_depth
 from slamcli.orbslam3.keyframe_rules import needs_keyframe
 from slamcli.orbslam3.local_mapping import LocalMapping
 from slamcli.orbslam3.loop_closing import Closure
-from slamcli.orbslam3.motion import part_of
 from slamcli.orbslam3.places import Places
 from slamcli.orbslam3.point_creation import points_from_depth
 from slamcli.orbslam3.second_look import second_look

@@ -3,17 +3,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.orbslam3 import _projection_kernels as kernels
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
-
-_LEAST_COSINE = 0.5
-_SLACK = 1.2
+from slamcli.vision.point_projection import LEAST_COSINE, PointAppearance, project_visible
 
 
 class VisiblePoints(NamedTuple):
@@ -37,22 +33,10 @@ def visible_points(
 ) -> VisiblePoints:
     """Return which of the points `ids` (N,) a camera at a pose can see.
 
-    A point counts as visible inside the image's limits, at a distance at which its scale is in the image pyramid, and from less than
-    60 degrees beside the mean viewing direction (ORB-SLAM, section V-D) unless `any_direction`.
+    As `slamcli.vision.point_projection.project_visible`; with `any_direction` the viewing direction does not count.
     """
-    camera, scales = sparse_map.camera, sparse_map.scales
-    log_scale = math.log(scales[1]) if len(scales) > 1 else 1.0
-    rows, pixels, right, octaves, cosines, depths = kernels.project_points(
-        np.asarray(ids, dtype=np.int64), sparse_map.positions, sparse_map.normals, sparse_map.near, sparse_map.far,
-        np.ascontiguousarray(T_camera_map), camera.array, np.array(camera.limits), log_scale, len(scales),
-        -2.0 if any_direction else _LEAST_COSINE, _SLACK,
-    )  # fmt: skip
-    return VisiblePoints(ids[rows], pixels, right, octaves, cosines, depths)
-
-
-def warm() -> None:
-    """Compile the kernels of this module on tiny input."""
-    one = np.zeros(1)
-    kernels.project_points(
-        np.zeros(1, dtype=np.int64), np.ones((1, 3)), np.ones((1, 3)), one, one, np.eye(4), np.ones(5), np.ones(4), 0.2, 8, 0.5, 1.2
-    )  # fmt: skip
+    points = PointAppearance(sparse_map.positions, sparse_map.normals, sparse_map.near, sparse_map.far)
+    least = -2.0 if any_direction else LEAST_COSINE
+    return VisiblePoints(
+        *project_visible(points, ids, T_camera_map, sparse_map.camera, sparse_map.scales, least_cosine=least)
+    )

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,9 @@ from slamcli.vision.stereo_matching import match_stereo
 _PLENTY = 4
 """So many times more key points are sought where a grid or square covering chooses among them."""
 _ALL = 100_000
+
+_UPRIGHT = {Detector.GFTT_ORB: -math.pi / 180.0, Detector.GFTT_BRIEF: 0.0}
+"""OpenCV's corners have the angle -1, which its ORB takes for degrees; RTAB-Map's descriptors are so."""
 
 Grey = NDArray[np.uint8]
 Mask = NDArray[np.bool_] | None
@@ -105,7 +109,7 @@ class FeatureExtractor:
             grey, pixels, half_window=settings.subpixel_window, iterations=settings.subpixel_iterations,
             epsilon=settings.subpixel_epsilon,
         )  # fmt: skip
-        return described_corners(grey, pixels, responses, upright=settings.detector is Detector.GFTT_BRIEF)
+        return described_corners(grey, pixels, responses, angle_rad=_UPRIGHT[settings.detector])
 
     def _within_depth(self, features: Features) -> Features:
         """Drop what is too near or too far; what has no depth stays, unless depth is a mask."""

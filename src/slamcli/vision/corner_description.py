@@ -36,20 +36,21 @@ class OpenCvOrbSettings:
 
 
 def described_corners(
-    grey: NDArray[np.uint8], pixels: NDArray[np.float64], responses: NDArray[np.float64], *, upright: bool
+    grey: NDArray[np.uint8], pixels: NDArray[np.float64], responses: NDArray[np.float64], *, angle_rad: float | None
 ) -> Features:
     """Return features at corners (N, 2) of one scale; those within 19 pixels of the border are dropped.
 
     Parameters
     ----------
-    upright
-        Whether the pattern is not turned by the corner's own angle: tells more corners apart where the camera does not roll.
+    angle_rad
+        By how much the pattern is turned, the same for all: tells more corners apart where the camera does not roll. None: by each corner's
+        own angle.
     """
     places = np.rint(pixels).astype(np.int64)
     height, width = grey.shape
     inside = (places >= BORDER).all(axis=1) & (places[:, 0] < width - BORDER) & (places[:, 1] < height - BORDER)
     keep = np.flatnonzero(inside)
-    angles, descriptors = describe_at(grey, places[keep], upright=upright)
+    angles, descriptors = describe_at(grey, places[keep], angle_rad=angle_rad)
     unknown = np.full(len(keep), np.nan)
     return Features(
         pixels=pixels[keep], octaves=np.zeros(len(keep), dtype=np.int64), angles=angles, responses=responses[keep],

@@ -232,20 +232,23 @@ def _smooth(image: Grey) -> Grey:
 
 
 def describe_at(
-    grey: Grey, places: NDArray[np.int64], *, upright: bool = False
+    grey: Grey, places: NDArray[np.int64], *, angle_rad: float | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Return angles (N,), radians, and descriptors (N, 32) of pixels (N, 2) at least 19 pixels inside an image (H, W).
 
-    `upright`: all angles are 0, so that the pattern is not turned.
+    `angle_rad`: by how much the pattern is turned; None: by each pixel's own angle.
     """
     columns, rows = np.ascontiguousarray(places[:, 0]), np.ascontiguousarray(places[:, 1])
     descriptors = np.zeros((len(places), 32), dtype=np.uint8)
     if not len(places):
         return np.zeros(0), descriptors
     image = np.require(grey, requirements=["C", "W"])
-    angles = np.zeros(len(places)) if upright else _orb_kernels.centroid_angles(image, columns, rows, _HALF_WIDTHS)
+    if angle_rad is None:
+        angles = _orb_kernels.centroid_angles(image, columns, rows, _HALF_WIDTHS)
+    else:
+        angles = np.full(len(places), float(angle_rad))
     _orb_kernels.describe(_smooth(image), columns, rows, angles, _PATTERN_X, _PATTERN_Y, descriptors)
-    return angles, descriptors
+    return angles % (2.0 * math.pi), descriptors
 
 
 def _joined(levels: list[Features]) -> Features:

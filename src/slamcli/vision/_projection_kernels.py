@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Compiled projection of map points into a frame; see `slamcli.orbslam3.visible_points`."""
+"""Compiled projection of map points into a frame; see `slamcli.vision.point_projection`."""
 
 from __future__ import annotations
 

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: MIT
+"""Where a frame was taken, by the points of the local map that it sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slamcli.errors import EstimationError
+from slamcli.rtabmap.local_map import Floats, Ids, Keyframe, LocalMap
+from slamcli.rtabmap.odometry_settings import OdometrySettings
+from slamcli.vision.features import Features
+from slamcli.vision.matching import FeatureGrid, match_brute_force, search_by_projection
+from slamcli.vision.pnp import estimate_pose_pnp
+from slamcli.vision.pose_optimisation import PoseEstimate, optimise_pose
+
+_FAR, _NEAR = 100, 64
+"""Bits by which descriptors of one point may differ: where the place is sure, and where nothing is known."""
+_SURE_WINDOW = 3.0
+"""Pixels of the finest level around where a known pose puts a point."""
+_FIRST_WINDOW = 15.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameMatch:
+    """A pose and what speaks for it."""
+
+    T_camera_odom: Floats
+    """float64 (4, 4)."""
+    points: Ids
+    """(N,), row of the map's point that each feature sees, or -1."""
+    information: Floats
+    """float64 (6, 6), as `slamcli.vision.pose_optimisation.PoseEstimate`."""
+    visible: Ids
+    """Rows of points that should be seen."""
+    mean_chi2: float = 1.0
+    """Of the inliers, per degree of freedom."""
+
+    @property
+    def num_inliers(self) -> int:
+        """Points that agree."""
+        return int(np.count_nonzero(self.points >= 0))
+
+
+class FrameMatcher:
+    """Matches one frame after the other."""
+
+    def __init__(self, settings: OdometrySettings, seed: int) -> None:
+        self._settings, self._seed = settings, seed
+
+    def by_guess(
+        self, local_map: LocalMap, features: Features, grid: FeatureGrid, T_guess: Floats
+    ) -> FrameMatch | None:
+        """Return the pose found from a guess: points in a window around it, in a wider one if that gives few, then closely."""
+        for window in (_FIRST_WINDOW, self._settings.window):
+            seen = local_map.seen_from(T_guess)
+            if len(seen.rows) < self._settings.min_inliers:
+                return None
+            found = search_by_projection(
+                seen.pixels, window * local_map.scales[seen.octaves], seen.octaves - 1, seen.octaves + 1,
+                local_map.descriptors[seen.rows], features, grid, np.ones(len(features), dtype=np.bool_),
+                max_distance=_FAR, ratio=self._settings.ratio,
+            )  # fmt: skip
+            hits = np.flatnonzero(found >= 0)
+            if len(hits) < self._settings.min_inliers:
+                continue
+            estimate = _optimised(local_map, features, T_guess, found[hits], seen.rows[hits])
+            if estimate.num_inliers >= max(self._settings.min_inliers // 2, 0.3 * len(hits)):
+                return self.closely(local_map, features, grid, estimate.T_camera_map)
+        return None
+
+    def by_looks(
+        self, local_map: LocalMap, features: Features, grid: FeatureGrid, keyframe: Keyframe, number: int
+    ) -> FrameMatch | None:
+        """Return the pose found by matching a keyframe's points by their descriptors alone, by P3P in RANSAC."""
+        rows = np.flatnonzero(keyframe.points >= 0)
+        if len(rows) < self._settings.min_inliers or len(features) == 0:
+            return None
+        best: FrameMatch | None = None
+        for most, ratio in ((_NEAR, self._settings.ratio), (_FAR, 1.0)):
+            matched = match_brute_force(
+                keyframe.features.descriptors[rows], features.descriptors, max_distance=most, ratio=ratio,
+                angles_a=keyframe.features.angles[rows], angles_b=features.angles,
+            )  # fmt: skip
+            hits = np.flatnonzero(matched >= 0)
+            points = keyframe.points[rows[hits]]
+            try:
+                sampled = estimate_pose_pnp(
+                    local_map.positions[points], features.pixels[matched[hits]], features.sigmas[matched[hits]], local_map.camera,
+                    seed=self._seed + number, iterations=self._settings.iterations, min_inliers=max(self._settings.min_inliers // 2, 6),
+                    right=features.right[matched[hits]],
+                )  # fmt: skip
+            except EstimationError:
+                continue
+            match = self.closely(
+                local_map, features, grid, sampled.T_camera_map, windows=(2.0 * _SURE_WINDOW, _SURE_WINDOW)
+            )
+            if match is not None and (best is None or match.num_inliers > best.num_inliers):
+                best = match
+            if best is not None and best.num_inliers >= 4 * self._settings.min_inliers:
+                break
+        return best
+
+    def closely(
+        self, local_map: LocalMap, features: Features, grid: FeatureGrid, T_camera_odom: Floats, windows: tuple[float, ...] = (_SURE_WINDOW,)
+    ) -> FrameMatch | None:  # fmt: skip
+        """Return the pose that all points agree on near a pose that is known well; None with too few."""
+        for window in windows:
+            seen = local_map.seen_from(T_camera_odom)
+            found = search_by_projection(
+                seen.pixels, window * np.where(seen.cosines > 0.998, 1.0, 1.6) * local_map.scales[seen.octaves], seen.octaves - 1,
+                seen.octaves + 1, local_map.descriptors[seen.rows], features, grid, np.ones(len(features), dtype=np.bool_),
+                predicted_right=seen.right, max_distance=_FAR, ratio=0.9,
+            )  # fmt: skip
+            hits = np.flatnonzero(found >= 0)
+            if len(hits) < self._settings.min_inliers:
+                return None
+            estimate = _optimised(local_map, features, T_camera_odom, found[hits], seen.rows[hits])
+            T_camera_odom = estimate.T_camera_map
+        if estimate.num_inliers < self._settings.min_inliers:
+            return None
+        points = np.full(len(features), -1, dtype=np.int64)
+        good = hits[estimate.inliers]
+        points[found[good]] = seen.rows[good]
+        degrees = 2 * estimate.num_inliers + np.count_nonzero(np.isfinite(features.right[found[good]])) - 6
+        return FrameMatch(
+            T_camera_odom=T_camera_odom, points=points, information=estimate.information, visible=seen.rows,
+            mean_chi2=float(estimate.chi2[estimate.inliers].sum() / max(degrees, 1)),
+        )  # fmt: skip
+
+
+def _optimised(local_map: LocalMap, features: Features, T_guess: Floats, at: Ids, rows: Ids) -> PoseEstimate:
+    return optimise_pose(
+        T_guess,
+        local_map.positions[rows],
+        features.pixels[at],
+        features.right[at],
+        features.sigmas[at],
+        local_map.camera,
+    )
