@@ -118,6 +118,22 @@ def from_matrix(rotation: ArrayLike) -> Quaternions:
     return quat * np.where(quat[..., 3:] < 0, -1.0, 1.0)
 
 
+def to_rotation_vector(quat_xyzw: ArrayLike) -> NDArray[np.float64]:
+    """Return rotation vectors (..., 3), radians, at most pi long, of unit quaternions (..., 4).
+
+    Examples
+    --------
+    >>> to_rotation_vector(from_yaw(0.5)).round(9).tolist()
+    [0.0, 0.0, 0.5]
+    """
+    q = np.asarray(quat_xyzw, dtype=np.float64)
+    q = np.where(q[..., 3:] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
+    factor = np.where(sine > 1e-12, 2.0 * np.arctan2(sine, q[..., 3:]) / np.maximum(sine, 1e-12), 2.0)
+    vectors: NDArray[np.float64] = factor * q[..., :3]
+    return vectors
+
+
 def slerp(a_xyzw: ArrayLike, b_xyzw: ArrayLike, fraction: ArrayLike) -> Quaternions:
     """Return rotations a fraction of the shorter way from a to b (Shoemake 1985), (..., 4)."""
     a, b = np.asarray(a_xyzw, dtype=np.float64), np.asarray(b_xyzw, dtype=np.float64)

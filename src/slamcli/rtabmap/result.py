@@ -90,7 +90,6 @@ def summary_of(session: Session, track: FrameTrack, ids: list[int], placed: Plac
         "sessions": len({node.map_id for node in graph.nodes.values()}),
         "loop_closures": kinds[LinkKind.GLOBAL_CLOSURE],
         "proximity_closures": kinds[LinkKind.LOCAL_SPACE_CLOSURE] + kinds[LinkKind.LOCAL_TIME_CLOSURE],
-        "closures_refused": sum(not record.accepted for record in session.closures),
     }
 
 

@@ -13,7 +13,8 @@ from slamcli.mapper import Setup
 from slamcli.measurements import LaserScan, Measurement, Odometry
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.scan_odometry import PlanarScanOdometry, scan_odometry_settings
+from slamcli.rtabmap.scan_odometry import PlanarScanOdometry
+from slamcli.rtabmap.settings import scan_odometry_settings
 from slamcli.rtabmap.signature import NodeImages
 from slamcli.vision.features import Features
 from slamcli.vision.preparation import PreparedFrame

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,6 @@ class Session:
         self.parameters = parameters
         self.memory, self.graph, self.closing, self.keeping = memory, graph, closing, keeping
         self.records: list[UpdateRecord] = []
-        self.closures: list[ClosureRecord] = []
         self._log = log
         self._previous: Signature | None = None
         self._first_id = max(graph.nodes, default=0) + 1

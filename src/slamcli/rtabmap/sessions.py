@@ -29,7 +29,7 @@ def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> S
         If the database cannot be used.
     """
     database = _database(parameters, setup)
-    memory = Memory(parameters, database)
+    memory = Memory(parameters)
     graph = MapGraph()
     if setup.database is not None and setup.database.append:
         restore(database, graph, memory)
@@ -63,7 +63,7 @@ def storage_settings(parameters: RtabmapParameters) -> StorageSettings:
     mem, sqlite = parameters.mem, parameters.db_sqlite3
     return StorageSettings(
         image_encoding=mem.image_compression_format, depth_encoding=mem.depth_compression_format,
-        depth_16_bits=mem.save_depth16_format, cache_pages=sqlite.cache_size, journal_mode=sqlite.journal_mode,
+        depth_16_bits=mem.save_depth_16_format, cache_pages=sqlite.cache_size, journal_mode=sqlite.journal_mode,
         synchronous=sqlite.synchronous, temp_store=sqlite.temp_store, in_memory=sqlite.in_memory,
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import OdometryStep
 from slamcli.rtabmap.node_scans import node_scan
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.settings import feature_settings, preparation_settings
+from slamcli.rtabmap.settings import feature_settings, odometry_settings, preparation_settings
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 from slamcli.rtabmap.visual_odometry import VisualOdometry
 from slamcli.vision.features import Features
@@ -51,7 +51,7 @@ class VisualFront:
         flat = parameters.reg.force_3dof and parameters.rgbd.force_odom_3dof
         self._given = None if own_odometry else GivenOdometry(planar=flat)
         self._visual = (
-            VisualOdometry(parameters, self.camera, self.preparation.T_base_camera, seed=setup.seed, log=setup.log)
+            VisualOdometry(odometry_settings(parameters), self.camera, self.preparation.T_base_camera, seed=setup.seed)
             if own_odometry
             else None
         )
