@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
+from slamcli.grids.octree import Octree
 from slamcli.measurements import CameraRig, Measurement, PointCloud
 from slamcli.posegraph import LoopSearch, MapState
 from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 from slamcli.vision.pictures import KeyframeView, PlaceView
+from slamcli.vision.pinhole import Pinhole
 from slamcli.vision.visual_atlas import VisualAtlas
 from slamcli.vision.vocabulary import Vocabulary
 
@@ -50,8 +52,31 @@ class MappingResult:
     """Both sides of loops that were closed."""
     atlas: VisualAtlas | None = None
     """All maps of a tier that sees, from which mapping can go on."""
+    octree: Octree | None = None
+    """What is free and what is occupied in space."""
+    views: DepthViews | None = None
+    """What the cameras saw at the nodes, for dense models; None: the recording is read again."""
     database: Path | None = None
     """The long-term memory of a tier that keeps one (`Setup.database`), closed."""
+
+
+class PosedView(NamedTuple):
+    """Colours and depth as the ideal camera saw them, and where it was."""
+
+    colour: NDArray[np.uint8]
+    """uint8 (H, W, 3), red, green, blue."""
+    depth: NDArray[np.float32]
+    """float32 (H, W), metres along z; 0 where unknown."""
+    camera: Pinhole
+    T_map_camera: NDArray[np.float64]
+    """float64 (4, 4)."""
+
+
+class DepthViews(Protocol):
+    """Views that can be gone through more than once, one at a time."""
+
+    def __iter__(self) -> Iterator[PosedView]:
+        """Go through them in the order of time."""
 
 
 class Mapper(Protocol):

@@ -25,6 +25,8 @@ ROOMS = (
     "grids.submap_drawing",
     "grids.surfel_map",
     "grids.tsdf_grid",
+    "grids.voxel_odds",
+    "grids.voxel_rays",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",

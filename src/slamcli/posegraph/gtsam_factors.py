@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,12 +17,20 @@ FLAT = np.array([0, 1, 5])
 """x, y and yaw of (x, y, z, rotation vector)."""
 ROOT_SIGMA = 1e-4
 """m and rad: how firmly the root is held."""
-LOOSE_SIGMA = 10.0
-"""rad: of the root's roll and pitch where gravity tells them."""
+LOOSE_SIGMA = 1e3
+"""m and rad: of the root where a pose from elsewhere places it, and of its roll and pitch where gravity tells them."""
+
+
+def library() -> Any:
+    """Return GTSAM, which is loaded when the first graph is optimised: few commands need it."""
+    import gtsam
+
+    return gtsam
 
 
 def pose_values(problem: PoseProblem, rows: Integers, planar: bool) -> Any:
     """Return GTSAM's values of some rows."""
+    gtsam = library()
     values = gtsam.Values()
     keys = problem.keys[rows].tolist()
     if planar:
@@ -37,6 +44,7 @@ def pose_values(problem: PoseProblem, rows: Integers, planar: bool) -> Any:
 
 def solved_poses(problem: PoseProblem, result: Any, planar: bool) -> Floats:
     """Return float64 (N, 4, 4), all moved so that the root is where it was."""
+    gtsam = library()
     order = np.argsort(problem.keys, kind="stable")
     poses = np.empty((len(order), 4, 4))
     start = problem.T_map_pose[problem.root]
@@ -90,12 +98,15 @@ def pose_factors(problem: PoseProblem, settings: GtsamSettings, chosen: list[int
 
 
 def _between(problem: PoseProblem, rows: Integers, planar: bool) -> list[Any]:
+    gtsam = library()
     edges = problem.edges
     first, second = problem.keys[edges.first[rows]].tolist(), problem.keys[edges.second[rows]].tolist()
     T = edges.T_first_second[rows]
     information = _turned(edges.information[rows], T, planar)
-    measured = [gtsam.Pose2(*row) for row in se3.to_se2(T).tolist()] if planar else [gtsam.Pose3(M) for M in T]
-    make = gtsam.BetweenFactorPose2 if planar else gtsam.BetweenFactorPose3
+    measured: list[Any] = (
+        [gtsam.Pose2(*row) for row in se3.to_se2(T).tolist()] if planar else [gtsam.Pose3(M) for M in T]
+    )
+    make: Any = gtsam.BetweenFactorPose2 if planar else gtsam.BetweenFactorPose3
     return [
         make(i, j, M, gtsam.noiseModel.Gaussian.Information(weight))
         for i, j, M, weight in zip(first, second, measured, information, strict=True)
@@ -128,6 +139,7 @@ def _marginal(information: Floats) -> Floats:
 
 
 def _knowledge(problem: PoseProblem, row: int, settings: GtsamSettings) -> list[Any]:
+    gtsam = library()
     known = problem.known
     key, T = int(problem.keys[known.row[row]]), known.T_map_pose[row]
     if known.gravity[row]:
@@ -135,8 +147,8 @@ def _knowledge(problem: PoseProblem, row: int, settings: GtsamSettings) -> list[
             return [gtsam.PriorFactorPose2(key, gtsam.Pose2(), gtsam.noiseModel.Isotropic.Sigma(3, 1e9))]
         up = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
         seen = gtsam.Unit3(T[2, :3].copy())
-        noise = gtsam.noiseModel.Isotropic.Sigma(2, settings.gravity_sigma)
-        return [gtsam.AttitudeFactorPose3(key, up, noise, seen)]
+        tilt = gtsam.noiseModel.Isotropic.Sigma(2, settings.gravity_sigma)
+        return [gtsam.AttitudeFactorPose3(key, up, tilt, seen)]
     information = _turned(known.information[row : row + 1], T[None], settings.planar)[0]
     noise = gtsam.noiseModel.Gaussian.Information(information)
     if settings.planar:
@@ -145,6 +157,7 @@ def _knowledge(problem: PoseProblem, row: int, settings: GtsamSettings) -> list[
 
 
 def _root_prior(problem: PoseProblem, planar: bool) -> Any:
+    gtsam = library()
     key, T = int(problem.keys[problem.root]), problem.T_map_pose[problem.root]
     if planar:
         noise = gtsam.noiseModel.Isotropic.Sigma(3, LOOSE_SIGMA if _placed(problem) else ROOT_SIGMA)

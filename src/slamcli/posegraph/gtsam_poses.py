@@ -5,12 +5,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import EstimationError
-from slamcli.posegraph.gtsam_factors import fingerprints, pose_factors, pose_values, solved_poses
+from slamcli.posegraph.gtsam_factors import fingerprints, library, pose_factors, pose_values, solved_poses
 from slamcli.posegraph.pose_problem import GtsamSettings, Method, PoseProblem, PoseSolution, check_problem
 
 Floats = NDArray[np.float64]
@@ -38,6 +37,7 @@ def optimise_poses(problem: PoseProblem, settings: GtsamSettings) -> PoseSolutio
     sorted by graduated non-convexity with a truncated loss (Yang et al., RA-L 2020, doi:10.1109/LRA.2020.2965893), which
     asks for no good start; the switchable constraints of Vertigo, which RTAB-Map has, drop right closures of a long drift.
     """
+    gtsam = library()
     check_problem(problem)
     graph = gtsam.NonlinearFactorGraph()
     for factor in pose_factors(problem, settings):
@@ -77,10 +77,11 @@ def _descended(graph: Any, values: Any, settings: GtsamSettings) -> tuple[Any, f
 
 def _sorted_out(graph: Any, values: Any, settings: GtsamSettings, robust: NDArray[np.bool_]) -> tuple[Any, Floats]:
     """Return the values that the right edges agree on, and the weights (E,) of all."""
+    gtsam = library()
     lm = settings.method == "levenberg"
-    inner = gtsam.LevenbergMarquardtParams() if lm else gtsam.GaussNewtonParams()
+    inner: Any = gtsam.LevenbergMarquardtParams() if lm else gtsam.GaussNewtonParams()
     inner.setMaxIterations(settings.iterations)
-    told = gtsam.GncLMParams(inner) if lm else gtsam.GncGaussNewtonParams(inner)
+    told: Any = gtsam.GncLMParams(inner) if lm else gtsam.GncGaussNewtonParams(inner)
     trusted = np.ones(graph.size(), np.bool_)
     trusted[: len(robust)] = ~robust
     told.setKnownInliers(np.flatnonzero(trusted).tolist())
@@ -105,6 +106,7 @@ class IncrementalPoses:
         self._clear()
 
     def _clear(self) -> None:
+        gtsam = library()
         parameters = gtsam.ISAM2Params()
         inner = gtsam.ISAM2DoglegParams() if self._settings.method == "dogleg" else gtsam.ISAM2GaussNewtonParams()
         parameters.setOptimizationParams(inner)
@@ -126,6 +128,7 @@ class IncrementalPoses:
         EstimationError
             If GTSAM cannot solve it; the next call begins anew.
         """
+        gtsam = library()
         check_problem(problem)
         keys = problem.keys.tolist()
         if not self._keys <= set(keys) or self._root != keys[problem.root]:
@@ -173,6 +176,7 @@ def _unsolved(said: RuntimeError) -> EstimationError:
 
 def _minimised(graph: Any, values: Any, settings: GtsamSettings, method: Method) -> tuple[Any, float, int]:
     """Return the values, their error and the number of steps."""
+    gtsam = library()
     parameters, optimiser = {
         "levenberg": (gtsam.LevenbergMarquardtParams, gtsam.LevenbergMarquardtOptimizer),
         "gauss_newton": (gtsam.GaussNewtonParams, gtsam.GaussNewtonOptimizer),
@@ -185,5 +189,3 @@ def _minimised(graph: Any, values: Any, settings: GtsamSettings, method: Method)
     run = optimiser(graph, values, told)
     result = run.optimize()
     return result, float(run.error()), int(run.iterations())
-
-

@@ -105,5 +105,3 @@ def check_problem(problem: PoseProblem) -> None:
         bad = np.flatnonzero(~np.isfinite(values).all(axis=(1, 2)))
         if len(bad):
             raise EstimationError(f"{name} {bad[0]} of the graph is not finite")
-
-

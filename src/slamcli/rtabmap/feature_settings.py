@@ -55,3 +55,12 @@ class FeatureSettings:
     """How corners are found again in the right image."""
     depth_weight: float = 3.0
     """How much better than the virtual right camera of RGB-D would tell depth is measured."""
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """Of the levels of the image pyramid that key points come from."""
+        if self.detector is Detector.ORB_OCTREE:
+            return tuple(self.octree.scale_factor**level for level in range(self.octree.num_levels))
+        if self.detector is Detector.ORB:
+            return tuple(self.orb.scale_factor**level for level in range(self.orb.num_levels))
+        return (1.0,)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,10 @@ _FAR, _NEAR = 100, 64
 _SURE_WINDOW = 3.0
 """Pixels of the finest level around where a known pose puts a point."""
 _FIRST_WINDOW = 15.0
+_STRICTNESS = ((_NEAR, 0.8), (_FAR, 1.0))
+"""Largest distance and ratio to the second best without a guess: strictly, then as loosely as RANSAC can bear."""
+_NUM_SKETCHED, _NUM_ALIKE = 150, 5
+"""Features of a frame that are compared with keyframes, and keyframes that are tried then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,8 +51,8 @@ class FrameMatch:
 class FrameMatcher:
     """Matches one frame after the other."""
 
-    def __init__(self, settings: OdometrySettings, seed: int) -> None:
-        self._settings, self._seed = settings, seed
+    def __init__(self, settings: OdometrySettings) -> None:
+        self._settings = settings
 
     def by_guess(
         self, local_map: LocalMap, features: Features, grid: FeatureGrid, T_guess: Floats
@@ -71,36 +76,59 @@ class FrameMatcher:
         return None
 
     def by_looks(
-        self, local_map: LocalMap, features: Features, grid: FeatureGrid, keyframe: Keyframe, number: int
-    ) -> FrameMatch | None:
-        """Return the pose found by matching a keyframe's points by their descriptors alone, by P3P in RANSAC."""
+        self, local_map: LocalMap, features: Features, grid: FeatureGrid, keyframes: Sequence[Keyframe], best: FrameMatch | None,
+        number: int, enough: int,
+    ) -> FrameMatch | None:  # fmt: skip
+        """Return the pose with most inliers: `best`, or one found from the descriptors of one of the keyframes alone.
+
+        `number` is the frame's; a pose with `enough` inliers ends the search.
+        """
+        for keyframe in keyframes:
+            if best is not None and best.num_inliers >= enough:
+                break
+            for most, ratio in _STRICTNESS:
+                other = self._by_keyframe(local_map, features, grid, keyframe, number, most, ratio)
+                if other is not None and (best is None or other.num_inliers > best.num_inliers):
+                    best = other
+                if other is not None and other.num_inliers >= 4 * self._settings.min_inliers:
+                    break
+        return best
+
+    def alike(self, keyframes: Sequence[Keyframe], features: Features) -> list[Keyframe]:
+        """Return the keyframes that the frame's strongest features look like most, the best first."""
+        sketch = features.descriptors[:_NUM_SKETCHED]
+        counted = []
+        for keyframe in keyframes:
+            rows = np.flatnonzero(keyframe.points >= 0)
+            if len(rows) and len(sketch):
+                matched = match_brute_force(
+                    sketch, keyframe.features.descriptors[rows], max_distance=_NEAR, ratio=self._settings.ratio
+                )
+                counted.append((-int(np.count_nonzero(matched >= 0)), -keyframe.number, keyframe))
+        counted.sort(key=lambda one: one[:2])
+        return [keyframe for count, _, keyframe in counted[:_NUM_ALIKE] if count < 0]
+
+    def _by_keyframe(
+        self, local_map: LocalMap, features: Features, grid: FeatureGrid, keyframe: Keyframe, number: int, most: int, ratio: float
+    ) -> FrameMatch | None:  # fmt: skip
         rows = np.flatnonzero(keyframe.points >= 0)
         if len(rows) < self._settings.min_inliers or len(features) == 0:
             return None
-        best: FrameMatch | None = None
-        for most, ratio in ((_NEAR, self._settings.ratio), (_FAR, 1.0)):
-            matched = match_brute_force(
-                keyframe.features.descriptors[rows], features.descriptors, max_distance=most, ratio=ratio,
-                angles_a=keyframe.features.angles[rows], angles_b=features.angles,
+        matched = match_brute_force(
+            keyframe.features.descriptors[rows], features.descriptors, max_distance=most, ratio=ratio,
+            angles_a=keyframe.features.angles[rows], angles_b=features.angles,
+        )  # fmt: skip
+        hits = np.flatnonzero(matched >= 0)
+        points = keyframe.points[rows[hits]]
+        try:
+            sampled = estimate_pose_pnp(
+                local_map.positions[points], features.pixels[matched[hits]], features.sigmas[matched[hits]], local_map.camera,
+                seed=self._settings.seed + number, iterations=self._settings.iterations, min_inliers=max(self._settings.min_inliers // 2, 6),
+                right=features.right[matched[hits]],
             )  # fmt: skip
-            hits = np.flatnonzero(matched >= 0)
-            points = keyframe.points[rows[hits]]
-            try:
-                sampled = estimate_pose_pnp(
-                    local_map.positions[points], features.pixels[matched[hits]], features.sigmas[matched[hits]], local_map.camera,
-                    seed=self._seed + number, iterations=self._settings.iterations, min_inliers=max(self._settings.min_inliers // 2, 6),
-                    right=features.right[matched[hits]],
-                )  # fmt: skip
-            except EstimationError:
-                continue
-            match = self.closely(
-                local_map, features, grid, sampled.T_camera_map, windows=(2.0 * _SURE_WINDOW, _SURE_WINDOW)
-            )
-            if match is not None and (best is None or match.num_inliers > best.num_inliers):
-                best = match
-            if best is not None and best.num_inliers >= 4 * self._settings.min_inliers:
-                break
-        return best
+        except EstimationError:
+            return None
+        return self.closely(local_map, features, grid, sampled.T_camera_map, (2.0 * _SURE_WINDOW, _SURE_WINDOW))
 
     def closely(
         self, local_map: LocalMap, features: Features, grid: FeatureGrid, T_camera_odom: Floats, windows: tuple[float, ...] = (_SURE_WINDOW,)

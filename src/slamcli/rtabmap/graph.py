@@ -56,8 +56,10 @@ def graph_settings(optimizer: OptimizerGroup, gtsam: GtsamGroup, *, planar: bool
 class OptimisedGraph:
     """Where the nodes are, by all links together."""
 
+    ids: tuple[int, ...]
+    """Nodes and landmarks, N."""
     T_map_base: Floats
-    """float64 (N, 4, 4), in the order in which they were given; those that no link ties to the root stay."""
+    """float64 (N, 4, 4), in the same order; those that no link ties to the root stay."""
     max_ratio: float
     """The largest error of a link, over its standard deviation; 0 without links."""
     worst: Link | None
@@ -70,6 +72,10 @@ class OptimisedGraph:
     """Nodes and landmarks that were optimised."""
     outvoted: tuple[Link, ...] = ()
     """Closures that do not count as they contradict the others (``Optimizer/Robust``)."""
+
+    def pose(self, node_id: int) -> Floats:
+        """Return the pose (4, 4) of a node or landmark."""
+        return self.T_map_base[self.ids.index(node_id)]
 
 
 class GraphOptimiser:
@@ -120,7 +126,7 @@ class GraphOptimiser:
             result[rows], iterations, error = solution.T_map_pose, solution.iterations, solution.error_after
         ratio, worst, is_rotation = worst_link(used, result, row_of, planar=settings.solver.planar)
         return OptimisedGraph(
-            T_map_base=result, max_ratio=ratio, worst=worst, worst_is_rotation=is_rotation, iterations=iterations,
+            ids=tuple(ids), T_map_base=result, max_ratio=ratio, worst=worst, worst_is_rotation=is_rotation, iterations=iterations,
             error=error, moved=len(rows) if used else 0, outvoted=outvoted,
         )  # fmt: skip
 

@@ -13,6 +13,7 @@ from slamcli.geometry import se3
 from slamcli.grids.ground import GroundSettings, segment, without_noise
 from slamcli.grids.rays import free_cells, swept_ends
 from slamcli.grids.voxel_means import means_of_cells
+from slamcli.grids.voxel_rays import free_voxels
 from slamcli.rtabmap.node_points import DepthSettings, depth_points, within_range
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 
@@ -189,7 +190,7 @@ def _of_points(
     level = level[kept]
     ground, obstacles = _segmented(level, seen_from, lift, settings, all_obstacles)
     if settings.spatial:
-        return _spatial(ground, obstacles, seen_from, to_level, settings)
+        return _spatial(ground @ to_level, obstacles @ to_level, view, T_map_base, settings)
     flat_ground, flat_obstacles = (means_of_cells(p[:, :2], settings.cell_size_m) for p in (ground, obstacles))
     if settings.ray_tracing:
         far = np.linalg.norm(flat_obstacles - seen_from[:2], axis=1) > (settings.range_max_m or np.inf)
@@ -225,13 +226,22 @@ def _without_noise(points: Points, view: Points, settings: LocalGridSettings) ->
 
 
 def _spatial(
-    ground: Points, obstacles: Points, seen_from: Points, to_level: NDArray[np.float64],
-    settings: LocalGridSettings,
-) -> LocalGrid:  # fmt: skip
-    """Return the grid in the base frame."""
+    ground: Points, obstacles: Points, view: Points, T_map_base: NDArray[np.float64], settings: LocalGridSettings
+) -> LocalGrid:
+    """Return the grid of points in the base frame."""
+    empty = np.zeros((0, 3))
+    if settings.ray_tracing:
+        limit = settings.range_max_m or np.inf
+        far = [np.linalg.norm(points - view, axis=1) > limit for points in (ground, obstacles)]
+        ends = _clipped(view, np.concatenate([ground[far[0]], obstacles[far[1]]]), settings.range_max_m)
+        ground, obstacles = ground[~far[0]], obstacles[~far[1]]
+        turn, place = T_map_base[:3, :3], T_map_base[:3, 3]
+        start, hits, ends = (points @ turn.T + place for points in (view, np.concatenate([ground, obstacles]), ends))
+        cells = free_voxels(start, hits, ends, settings.cell_size_m)
+        empty = ((cells + 0.5) * settings.cell_size_m - place) @ turn
     return LocalGrid(
-        ground=(ground @ to_level).astype(np.float32), obstacles=(obstacles @ to_level).astype(np.float32),
-        empty=np.zeros((0, 3), np.float32), cell_size_m=settings.cell_size_m, view_point=seen_from @ to_level,
+        ground=ground.astype(np.float32), obstacles=obstacles.astype(np.float32), empty=empty.astype(np.float32),
+        cell_size_m=settings.cell_size_m, view_point=view,
     )  # fmt: skip
 
 

@@ -62,6 +62,13 @@ class LocalMap:
         chosen = np.arange(len(self)) if rows is None else rows
         return project_visible(points, chosen, T_camera_odom, self.camera, self.scales)
 
+    def note_sightings(self, points: Ids, visible: Ids, frame: int) -> None:
+        """Note the rows `visible` that a frame should have seen, and what its features saw: `points` (N,), -1 for none."""
+        seen = points[points >= 0]
+        self.visible[visible] += 1
+        self.found[seen] += 1
+        self.last_seen[seen] = frame
+
     def add_keyframe(
         self, features: Features, grid: FeatureGrid | None, T_camera_odom: Floats, points: Ids
     ) -> Keyframe:
@@ -108,7 +115,7 @@ class LocalMap:
 
     def refresh(self) -> None:
         """Compute direction, distances and descriptors of all points anew from who sees them."""
-        places, features, points = self.sightings()
+        places, _, points = self.sightings()
         if not len(points):
             return
         centres = np.array([se3.inverse(keyframe.T_camera_odom)[:3, 3] for keyframe in self.keyframes])

@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.geometry import se3
 from slamcli.rtabmap.signature import NodeImages
+from slamcli.vision.stereo_depth import stereo_depth
+
+_NEAREST_M = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,3 +75,29 @@ def within_range(
             kept &= distance <= most_m
     found: NDArray[np.float64] = points[kept]
     return found
+
+
+def with_depth(images: NodeImages | None, *, semi_global: bool = False) -> NodeImages | None:
+    """Return images with the depth that a stereo pair tells, where they have none of their own; None where there is none at all."""
+    if images is None or images.depth is not None:
+        return images
+    if images.right is None or not images.camera.baseline_m > 0.0:
+        return None
+    return replace(images, depth=stereo_depth(images.colour, images.right, images.camera, semi_global=semi_global))
+
+
+def colours_at(points: NDArray[np.float64], images: NodeImages) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Return the colours (N, 3) of the pixels that points (N, 3), base frame, lie behind, and which points (N,) the image shows.
+
+    What stands in between is not looked for: camera and scanner are taken to see the same.
+    """
+    T = se3.inverse(images.T_base_camera)
+    in_camera = points @ T[:3, :3].T + T[:3, 3]
+    seen = in_camera[:, 2] > _NEAREST_M
+    height, width = images.colour.shape[:2]
+    pixels = np.rint(images.camera.project(np.where(seen[:, None], in_camera, 1.0))).astype(np.int64)
+    seen &= (pixels >= 0).all(axis=1) & (pixels < (width, height)).all(axis=1)
+    colours = np.zeros((len(points), 3), dtype=np.uint8)
+    found = images.colour[pixels[seen, 1], pixels[seen, 0]]
+    colours[seen] = found[:, None] if found.ndim == 1 else found
+    return colours, seen

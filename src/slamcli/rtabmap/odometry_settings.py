@@ -6,6 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+from slamcli.rtabmap.parameters import RtabmapParameters
+
 
 class Filtering(IntEnum):
     """What smooths the poses that odometry gives out."""
@@ -44,8 +46,6 @@ class OdometrySettings:
     """Pixels around the prediction in which points are looked for where the guess is poor."""
     ratio: float = 0.8
     """Of the distance of descriptors to that of the second best."""
-    reprojection_px: float = 2.0
-    """Error that RANSAC allows."""
     iterations: int = 300
     """Samples of RANSAC."""
     guess_motion: bool = True
@@ -58,6 +58,42 @@ class OdometrySettings:
     filtering: Filtering = Filtering.NONE
     kalman_process: float = 0.001
     kalman_measurement: float = 0.01
-    floor_threshold_m: float | None = None
-    """Points lower than this above the base frame are not taken; None: all are."""
-    align_with_ground: bool = False
+    particles: int = 400
+    particle_noise_t: float = 0.002
+    """Metres a second."""
+    particle_lambda_t: float = 100.0
+    particle_noise_r: float = 0.002
+    """Radians a second."""
+    particle_lambda_r: float = 100.0
+    floor_threshold_m: float = 0.0
+    """Points lower than this above the base frame are not taken; 0: all are."""
+    seed: int = 0
+
+    @property
+    def filters_motion(self) -> bool:
+        """Whether the poses that are given out are others than those that were found."""
+        return self.filtering is not Filtering.NONE or not self.holonomic
+
+
+def odometry_settings(parameters: RtabmapParameters, scales: tuple[float, ...], seed: int) -> OdometrySettings:
+    """Return how odometry tracks, by ``Odom/*``, ``OdomF2M/*`` and ``Vis/*``.
+
+    Parameters
+    ----------
+    scales
+        `FeatureSettings.scales` of the key points that it is given.
+    seed
+        Of RANSAC and the particle filter.
+    """
+    odom, f2m, vis = parameters.odom, parameters.odom_f2m, parameters.vis
+    return OdometrySettings(
+        scales=scales, frame_to_map=odom.strategy == 0, map_size=f2m.max_size, most_new=f2m.max_new_features,
+        bundle_frames=f2m.bundle_adjustment_max_frames, adjust=f2m.bundle_adjustment != 0, min_inliers=vis.min_inliers,
+        keyframe_share=odom.key_frame_thr, keyframe_inliers=odom.vis_key_frame_thr, window=float(vis.cor_guess_win_size),
+        ratio=vis.cor_nndr, iterations=vis.iterations, guess_motion=odom.guess_motion,
+        smoothing_ns=round(odom.guess_smoothing_delay * 1e9), reset_countdown=odom.reset_countdown, holonomic=odom.holonomic,
+        filtering=Filtering(odom.filtering_strategy), kalman_process=odom.kalman_process_noise,
+        kalman_measurement=odom.kalman_measurement_noise, particles=odom.particle_size, particle_noise_t=odom.particle_noise_t,
+        particle_lambda_t=odom.particle_lambda_t, particle_noise_r=odom.particle_noise_r,
+        particle_lambda_r=odom.particle_lambda_r, floor_threshold_m=f2m.floor_threshold, seed=seed,
+    )  # fmt: skip

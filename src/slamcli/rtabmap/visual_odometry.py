@@ -1,173 +1,186 @@
 # SPDX-License-Identifier: MIT
-"""Visual odometry against a local map."""
+"""Visual odometry: each frame is matched to a local map of points, which its keyframes make and adjust.
+
+M. Labbé, F. Michaud, "RTAB-Map as an open-source lidar and visual SLAM library for large-scale and long-term online operation", JFR 36(2),
+2019, doi:10.1002/rob.21831, section 3.1 (frame to map); R. Mur-Artal, J. D. Tardos, IEEE T-RO 33(5), 2017 (poses and adjustment).
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamcli.geometry import se3
-from slamcli.geometry.motion import part_of
 from slamcli.rtabmap.frame_matching import FrameMatch, FrameMatcher
-from slamcli.rtabmap.local_map import Floats, LocalMap
-from slamcli.rtabmap.map_adjustment import adjust_newest
+from slamcli.rtabmap.local_map import Floats, Ids, LocalMap
+from slamcli.rtabmap.map_upkeep import insert_keyframe, keep_last_keyframe
+from slamcli.rtabmap.motion_covariance import motion_covariance
+from slamcli.rtabmap.motion_guess import MotionGuess
 from slamcli.rtabmap.node_input import OdometryStep
 from slamcli.rtabmap.odometry_settings import OdometrySettings
+from slamcli.rtabmap.odometry_track import OdometryTrack
 from slamcli.vision.features import Features
-from slamcli.vision.matching import feature_grid
+from slamcli.vision.matching import FeatureGrid, feature_grid
 from slamcli.vision.pinhole import Pinhole
 
 _SURELY = 100
+"""With fewer inliers keyframes are tried by their looks besides the guess, and the best wins."""
+_NEWEST = 6
+"""Keyframes that are tried by their looks; for a frame that these do not explain, others that look like it as well."""
 
 
 class VisualOdometry:
-    def __init__(self, settings: OdometrySettings, camera: Pinhole, T_base_camera: Floats, *, seed: int = 0) -> None:
+    """Takes the features of one frame after the other.
+
+    Parameters
+    ----------
+    settings
+        How to track.
+    camera
+        The ideal camera with a (virtual) baseline, as `FeatureExtractor.camera`.
+    T_base_camera
+        float64 (4, 4), its pose in the base frame.
+    """
+
+    def __init__(self, settings: OdometrySettings, camera: Pinhole, T_base_camera: Floats) -> None:
         self.settings, self.camera = settings, camera
-        self._T_base_camera, self._T_camera_base = T_base_camera, se3.inverse(T_base_camera)
         self.counts: Counter[str] = Counter()
-        self._matcher = FrameMatcher(settings, seed)
+        """What happened how often."""
+        self._T_base_camera, self._T_camera_base = T_base_camera, se3.inverse(T_base_camera)
+        self._matcher = FrameMatcher(settings)
+        self._guess = MotionGuess(settings, T_base_camera)
+        self._track = OdometryTrack(settings, T_base_camera)
         self._map = LocalMap(camera, settings.scales)
         self._number = -1
         self._last: Features | None = None
-        self._last_ns = 0
-        self._T_last: Floats = self._T_camera_base.copy()  # T_camera_odom
-        self._velocity: Floats | None = None
-        self._velocity_ns = 1
+        self._T_last = self._T_camera_base
+        """T_camera_odom of the last frame that has a pose."""
         self._keyframe_ns = 0
         self._kept = 0
-        self._keyframe_poses: list[Floats] = []
-        self._frames: list[tuple[int, int, Floats]] = []
+        """Points that the newest keyframe sees."""
+        self._num_lost = 0
+        """Frames in a row."""
 
     def step(self, stamp_ns: int, features: Features, guess: Floats | None = None) -> OdometryStep:
+        """Return where the next frame was taken.
+
+        Parameters
+        ----------
+        features
+            As `FeatureExtractor.extract` returns them.
+        guess
+            float64 (4, 4), T_prev_cur of the base since the last frame that has a pose, by other sensors; None: none.
+        """
         self._number += 1
         grid = feature_grid(features, self.camera)
         if not self._map.keyframes:
             return self._begin(stamp_ns, features, grid)
-        if self._repeats(features):
-            key, T = self._frames[-1][1:]
-            self._frames.append((stamp_ns, key, T))
-            self.counts["repeated"] += 1
-            return self._result(stamp_ns, 0, len(features), False)
-        match = self._track(stamp_ns, features, grid, guess)
+        if self._num_lost == 0 and _repeats(self._last, features):
+            self.counts["frames that repeat the one before"] += 1
+            self._track.repeat(stamp_ns)
+            return self._told(stamp_ns, features, np.zeros((6, 6)), len(features))
+        match = self._match(stamp_ns, features, grid, guess)
         if match is None:
-            self.counts["lost"] += 1
-            self._velocity = None
-            return OdometryStep(
-                stamp_ns=stamp_ns, T_odom_base=None, covariance=np.zeros((6, 6)), num_features=len(features)
-            )
+            return self._lose(stamp_ns, features, grid)
+        self._num_lost = 0
         return self._keep(stamp_ns, features, grid, match)
 
-    def _repeats(self, features: Features) -> bool:
-        last = self._last
-        return (
-            last is not None
-            and len(last) == len(features) > 0
-            and np.array_equal(last.pixels, features.pixels)
-            and np.array_equal(last.descriptors, features.descriptors)
-        )
+    def track(self) -> tuple[NDArray[np.int64], Floats]:
+        """Return stamps (F,) and poses of the base (F, 4, 4) in the odometry's frame, of all frames that have one, as known by now.
 
-    def _begin(self, stamp_ns, features, grid):
-        depth = np.flatnonzero(np.isfinite(features.depth))
-        if len(depth) < self.settings.min_inliers:
-            return OdometryStep(
-                stamp_ns=stamp_ns, T_odom_base=None, covariance=np.zeros((6, 6)), num_features=len(features)
-            )
+        Each frame hangs on a keyframe, and keyframes lie where their last adjustment left them.
+        """
+        return self._track.poses()
+
+    def _begin(self, stamp_ns: int, features: Features, grid: FeatureGrid, *, anew: bool = False) -> OdometryStep:
+        if np.count_nonzero(np.isfinite(features.depth)) < self.settings.min_inliers:
+            return _nowhere(stamp_ns, features)
+        self._guess.forget()
+        self._num_lost = 0
         self._add_keyframe(stamp_ns, features, grid, self._T_last, np.full(len(features), -1, dtype=np.int64))
-        self._last, self._last_ns = features, stamp_ns
-        self._frames.append((stamp_ns, len(self._keyframe_poses) - 1, np.eye(4)))
-        return self._result(stamp_ns, len(depth), len(features), True)
+        self._track.add(stamp_ns, self._map.keyframes[-1], self._T_last, begins=True)
+        self._last = features
+        held = self._kept
+        return self._told(stamp_ns, features, np.zeros((6, 6)), held, keyframe=True, began_anew=anew)
 
-    def _predicted(self, stamp_ns, guess):
-        if guess is not None:
-            return self._T_camera_base @ se3.inverse(guess) @ self._T_base_camera @ self._T_last
-        if self._velocity is None:
-            return self._T_last
-        return part_of(self._velocity, (stamp_ns - self._last_ns) / self._velocity_ns) @ self._T_last
-
-    def _track(self, stamp_ns, features, grid, guess) -> FrameMatch | None:
-        best = self._matcher.by_guess(self._map, features, grid, self._predicted(stamp_ns, guess))
+    def _match(self, stamp_ns: int, features: Features, grid: FeatureGrid, guess: Floats | None) -> FrameMatch | None:
+        """Find out where the frame was taken; None: it is lost."""
+        best = self._matcher.by_guess(self._map, features, grid, self._guess.predicted(stamp_ns, self._T_last, guess))
         if best is not None and best.num_inliers >= _SURELY:
             return best
-        for keyframe in self._map.keyframes[:-7:-1]:
-            other = self._matcher.by_looks(self._map, features, grid, keyframe, self._number)
-            if other is not None and (best is None or other.num_inliers > best.num_inliers):
-                best = other
-                self.counts["by looks"] += 1
-            if best is not None and best.num_inliers >= _SURELY:
-                break
+        newest = self._map.keyframes[: -_NEWEST - 1 : -1]
+        best = self._matcher.by_looks(self._map, features, grid, newest, best, self._number, _SURELY)
+        if best is None:
+            alike = self._matcher.alike(self._map.keyframes[:-_NEWEST], features)
+            best = self._matcher.by_looks(self._map, features, grid, alike, best, self._number, _SURELY)
         return best
 
-    def _keep(self, stamp_ns, features, grid, match):
-        T = match.T_camera_odom
-        self._velocity, self._velocity_ns = T @ se3.inverse(self._T_last), max(stamp_ns - self._last_ns, 1)
-        self._map.visible[match.visible] += 1
-        rows = match.points[match.points >= 0]
-        self._map.found[rows] += 1
-        self._map.last_seen[rows] = self._number
-        held = match.num_inliers
-        s = self.settings
-        key = (
-            held < s.keyframe_share * len(features)
-            or held < s.keyframe_inliers
-            or (held < s.keyframe_kept * self._kept and stamp_ns - self._keyframe_ns >= s.keyframe_gap_ns)
-        )
-        if key:
-            T = self._add_keyframe(stamp_ns, features, grid, T, match.points)
-        reference = self._map.keyframes[-1]
-        self._frames.append((stamp_ns, reference.number, T @ se3.inverse(reference.T_camera_odom)))
-        self._T_last, self._last, self._last_ns = T, features, stamp_ns
-        return self._result(stamp_ns, held, len(features), key)
+    def _lose(self, stamp_ns: int, features: Features, grid: FeatureGrid) -> OdometryStep:
+        self.counts["frames lost"] += 1
+        self._num_lost += 1
+        self._guess.forget()
+        if 0 < self.settings.reset_countdown <= self._num_lost:
+            self._map = LocalMap(self.camera, self.settings.scales)
+            step = self._begin(stamp_ns, features, grid, anew=True)
+            self.counts["resets"] += step.began_anew
+            return step
+        return _nowhere(stamp_ns, features)
 
-    def _add_keyframe(self, stamp_ns, features, grid, T, points):
-        m, s = self._map, self.settings
-        keyframe = m.add_keyframe(features, grid, T, points)
-        self._keyframe_poses.append(keyframe.T_camera_odom)
-        fresh = np.flatnonzero(np.isfinite(features.depth) & (keyframe.points < 0))
-        if s.most_new:
-            fresh = fresh[: s.most_new]
-        rows = m.add_points(keyframe, fresh, self._number)
-        self._fuse(keyframe, rows)
-        if s.adjust:
-            adjust_newest(m, s.bundle_frames)
-        self._cull()
-        m.refresh()
-        for k in m.keyframes:
-            self._keyframe_poses[k.number] = k.T_camera_odom
+    def _keep(self, stamp_ns: int, features: Features, grid: FeatureGrid, match: FrameMatch) -> OdometryStep:
+        """Take the frame's pose, and the frame into the map where that needs one."""
+        self._map.note_sightings(match.points, match.visible, self._number)
+        self._guess.add(stamp_ns, match.T_camera_odom @ se3.inverse(self._T_last))
+        covariance = motion_covariance(match, self._T_base_camera)
+        self._T_last, self._last = match.T_camera_odom, features
+        keyframe = self._wants_keyframe(stamp_ns, features, match.num_inliers)
+        if keyframe:
+            self._T_last = self._add_keyframe(stamp_ns, features, grid, match.T_camera_odom, match.points)
+        self._track.add(stamp_ns, self._map.keyframes[-1], self._T_last)
+        return self._told(stamp_ns, features, covariance, match.num_inliers, keyframe=keyframe)
+
+    def _wants_keyframe(self, stamp_ns: int, features: Features, held: int) -> bool:
+        settings = self.settings
+        few = held < settings.keyframe_share * len(features) or held < settings.keyframe_inliers
+        fewer = held < settings.keyframe_kept * self._kept
+        return few or (fewer and stamp_ns - self._keyframe_ns >= settings.keyframe_gap_ns)
+
+    def _add_keyframe(
+        self, stamp_ns: int, features: Features, grid: FeatureGrid, T_camera_odom: Floats, points: Ids
+    ) -> Floats:
+        """Take a frame into the map; return its pose T_camera_odom after the adjustment."""
+        if not self.settings.frame_to_map:
+            keep_last_keyframe(self._map, 0)
+            points = np.full(len(features), -1, dtype=np.int64)
+        keyframe = insert_keyframe(
+            self._map, features, grid, T_camera_odom, points, self._number, self.settings, self._T_base_camera
+        )
         self._kept = int(np.count_nonzero(keyframe.points >= 0))
         self._keyframe_ns = stamp_ns
+        self._track.settle(self._map.keyframes)
         self.counts["keyframes"] += 1
         return keyframe.T_camera_odom
 
-    def _fuse(self, keyframe, rows):
-        pass
-
-    def _cull(self):
-        m = self._map
-        seen = np.zeros(len(m), dtype=np.bool_)
-        for k in m.keyframes:
-            seen[k.points[k.points >= 0]] = True
-        gone = ~seen | ((m.visible >= 10) & (m.found < 0.25 * m.visible))
-        if len(m) - gone.sum() > self.settings.map_size:
-            window = np.zeros(len(m), dtype=np.bool_)
-            for k in m.keyframes[-self.settings.bundle_frames :]:
-                window[k.points[k.points >= 0]] = True
-            order = np.lexsort((m.found, m.last_seen, window, ~gone))  # the first go first
-            gone[order[: len(m) - self.settings.map_size]] = True
-            gone &= ~window | ~seen
-        m.drop(gone)
-        m.keyframes = [k for k in m.keyframes if k is m.keyframes[-1] or np.count_nonzero(k.points >= 0) >= 10]
-
-    def _result(self, stamp_ns, inliers, num, key):
-        T = se3.inverse(self._pose(len(self._frames) - 1)) @ self._T_camera_base
+    def _told(
+        self, stamp_ns: int, features: Features, covariance: Floats, num_inliers: int, *, keyframe: bool = False,
+        began_anew: bool = False,
+    ) -> OdometryStep:  # fmt: skip
         return OdometryStep(
-            stamp_ns=stamp_ns, T_odom_base=T, covariance=np.eye(6), num_features=num, num_inliers=inliers, keyframe=key
-        )
+            stamp_ns=stamp_ns, T_odom_base=self._track.newest(), covariance=covariance, began_anew=began_anew,
+            num_features=len(features), num_inliers=num_inliers, keyframe=keyframe,
+        )  # fmt: skip
 
-    def _pose(self, index):
-        _, key, T = self._frames[index]
-        return T @ self._keyframe_poses[key]
 
-    def track(self):
-        stamps = np.array([f[0] for f in self._frames])
-        return stamps, np.array([se3.inverse(self._pose(i)) @ self._T_camera_base for i in range(len(self._frames))])
+def _repeats(last: Features | None, features: Features) -> bool:
+    """Return whether a frame shows the very image of the last one, as drivers send when they have no new one."""
+    return (
+        last is not None
+        and len(last) == len(features) > 0
+        and np.array_equal(last.pixels, features.pixels)
+        and np.array_equal(last.descriptors, features.descriptors)
+    )
+
+
+def _nowhere(stamp_ns: int, features: Features) -> OdometryStep:
+    return OdometryStep(stamp_ns=stamp_ns, T_odom_base=None, covariance=np.zeros((6, 6)), num_features=len(features))

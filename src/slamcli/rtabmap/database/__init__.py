@@ -5,7 +5,6 @@ from slamcli.rtabmap.database.connection import Mode
 from slamcli.rtabmap.database.database import Database
 from slamcli.rtabmap.database.records import (
     GeoFix,
-    LocalCells,
     NodeStatistics,
     NodeTable,
     OptimisedPoses,
@@ -17,7 +16,6 @@ from slamcli.rtabmap.database.records import (
 __all__ = [
     "Database",
     "GeoFix",
-    "LocalCells",
     "Mode",
     "NodeStatistics",
     "NodeTable",

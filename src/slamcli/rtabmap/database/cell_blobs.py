@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from slamcli.errors import FormatError
 from slamcli.rtabmap.database.blobs import pack_matrix, unpack_matrix
-from slamcli.rtabmap.database.records import LocalCells
+from slamcli.rtabmap.local_grid import LocalGrid
 
 CellColumns = tuple[bytes | None, bytes | None, bytes | None, float, float, float, float]
 NO_CELLS: CellColumns = (None, None, None, 0.0, 0.0, 0.0, 0.0)
 
 
-def pack_cells(cells: LocalCells | None) -> CellColumns:
+def pack_cells(cells: LocalGrid | None) -> CellColumns:
     """Return the seven columns, ground, obstacles and empty first."""
     if cells is None:
         return NO_CELLS
@@ -26,7 +26,7 @@ def pack_cells(cells: LocalCells | None) -> CellColumns:
     return ground, obstacles, empty, float(cells.cell_size_m), x, y, z
 
 
-def unpack_cells(columns: Sequence[Any]) -> LocalCells | None:
+def unpack_cells(columns: Sequence[Any]) -> LocalGrid | None:
     """Return the cells of the seven columns, or None where the node has no local grid.
 
     Raises
@@ -37,9 +37,11 @@ def unpack_cells(columns: Sequence[Any]) -> LocalCells | None:
     *blobs, cell_size_m, x, y, z = columns
     if not cell_size_m:
         return None
-    ground, obstacles, empty = (_unpack(blob) for blob in blobs)
+    parts = [_unpack(blob) for blob in blobs]
+    wide = any(len(part) and part.shape[1] == 3 for part in parts)
+    ground, obstacles, empty = (part if len(part) or not wide else np.zeros((0, 3), dtype=np.float32) for part in parts)
     view_point = np.array([x or 0.0, y or 0.0, z or 0.0])
-    return LocalCells(
+    return LocalGrid(
         ground=ground, obstacles=obstacles, empty=empty, cell_size_m=float(cell_size_m), view_point=view_point
     )
 

@@ -14,12 +14,19 @@ from typing import Literal
 from urllib.parse import quote
 
 from slamcli.errors import FormatError
+from slamcli.rtabmap.database.older_versions import show_as_current
 from slamcli.rtabmap.database.records import StorageSettings
 from slamcli.rtabmap.database.schema import Layout, check_extendable, create_tables, read_layout
 
 Mode = Literal["create", "append", "read"]
 _MAGIC = b"SQLite format 3\0"
-_JOURNALS = ("DELETE", "TRUNCATE", "PERSIST", "MEMORY", "OFF")
+_JOURNALS = (
+    "DELETE",
+    "TRUNCATE",
+    "PERSIST",
+    "DELETE",
+    "DELETE",
+)  # RTAB-Map's MEMORY and OFF do not outlive a killed run
 _SYNCHRONOUS = ("OFF", "NORMAL", "FULL")
 _STORES = ("DEFAULT", "FILE", "MEMORY")
 _BESIDE = ("-journal", "-wal", "-shm")
@@ -168,9 +175,11 @@ def _connect(path: Path, mode: Mode) -> sqlite3.Connection:
 
 def _prepare(path: Path, mode: Mode, settings: StorageSettings, connection: sqlite3.Connection) -> OpenFile:
     if mode == "read":
+        layout = read_layout(connection, str(path))
+        show_as_current(connection, layout)
         connection.execute("PRAGMA query_only = ON")
         connection.execute("BEGIN")  # the same state for as long as it is open
-        return OpenFile(path, mode, connection, read_layout(connection, str(path)))
+        return OpenFile(path, mode, connection, layout)
     connection.execute("PRAGMA locking_mode = EXCLUSIVE")
     if mode == "append":
         check_extendable(read_layout(connection, str(path)), str(path))
@@ -185,9 +194,9 @@ def _prepare(path: Path, mode: Mode, settings: StorageSettings, connection: sqli
         disk.backup(connection)
         _tune(connection, settings)
     file = OpenFile(path, mode, connection, read_layout(connection, str(path)), disk=disk)
-    tables = [table for table in ("Node", "Info", "Word") if file.layout.has(table, "time_enter")]
-    latest = [connection.execute(f"SELECT MAX(time_enter) FROM {table}").fetchone()[0] for table in tables]  # noqa: S608
-    file.clock.now = max([file.clock.now, *(str(value) for value in latest if value)])
+    latest = "SELECT time_enter FROM Node UNION SELECT time_enter FROM Info UNION SELECT time_enter FROM Word"
+    entered = connection.execute(f"SELECT MAX(time_enter) FROM ({latest})").fetchone()[0]  # noqa: S608
+    file.clock.now = max(file.clock.now, str(entered or ""))
     connection.create_function("DATETIME", 1, file.clock)
     return file
 

@@ -20,7 +20,6 @@ from slamcli.rtabmap.database.cell_blobs import pack_cells, unpack_cells
 from slamcli.rtabmap.database.connection import Mode, OpenFile, open_file, sqlite_errors
 from slamcli.rtabmap.database.records import (
     GeoFix,
-    LocalCells,
     NodeStatistics,
     NodeTable,
     OptimisedPoses,
@@ -32,6 +31,7 @@ from slamcli.rtabmap.database.scan_blobs import unpack_scan
 from slamcli.rtabmap.database.stored_images import read_images
 from slamcli.rtabmap.database.write_order import WriteOrder
 from slamcli.rtabmap.links import Link
+from slamcli.rtabmap.local_grid import LocalGrid
 from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
 
 Result = TypeVar("Result")
@@ -140,7 +140,7 @@ class Database:
         weight: int,
         label: str | None = None,
         images: NodeImages | None = None,
-        local_grid: LocalCells | None = None,
+        local_grid: LocalGrid | None = None,
         ground_truth: NDArray[np.float64] | None = None,
         gps: GeoFix | None = None,
         velocity: NDArray[np.float64] | None = None,
@@ -167,13 +167,13 @@ class Database:
         """Replace a node's label, which no other may have."""
         self._write(lambda connection: connection.execute("UPDATE Node SET label=? WHERE id=?", (label, node_id)))
 
-    def set_local_grid(self, node_id: int, cells: LocalCells) -> None:
+    def set_local_grid(self, node_id: int, cells: LocalGrid) -> None:
         """Replace a node's local grid."""
         self._write(lambda connection: node_rows.set_cells(connection, node_id, pack_cells(cells)))
 
     def nodes(self) -> NodeTable:
         """Return all nodes by id."""
-        return self._read(lambda connection: node_rows.read_nodes(connection, self._file.layout))
+        return self._read(node_rows.read_nodes)
 
     def read_signature(self, node_id: int) -> Signature:
         """Return a node as it was written, without its images; poses of scans and cameras to float32.
@@ -209,9 +209,9 @@ class Database:
         )
         return unpack_scan(row[0], row[1], row[2], self._file.layout.version) if row else None
 
-    def read_local_grid(self, node_id: int) -> LocalCells | None:
+    def read_local_grid(self, node_id: int) -> LocalGrid | None:
         """Return the cells that a node saw; None for a node without."""
-        names = ", ".join(name if self._file.layout.has("Data", name) else "NULL" for name in node_rows.CELL_COLUMNS)
+        names = ", ".join(node_rows.CELL_COLUMNS)
         query = f"SELECT {names} FROM Data WHERE id=?"  # noqa: S608
         row = self._read(lambda connection: connection.execute(query, (node_id,)).fetchone())
         return unpack_cells(row) if row else None
@@ -230,7 +230,7 @@ class Database:
 
     def links(self, node_id: int | None = None) -> list[Link]:
         """Return all links, or those of one node, each once and in the order they were written."""
-        return self._read(lambda connection: link_rows.read_links(connection, self._file.layout, node_id))
+        return self._read(lambda connection: link_rows.read_links(connection, node_id))
 
     def add_words(self, ids: NDArray[np.int64], descriptors: NDArray[np.uint8]) -> None:
         """Write words of the dictionary: ids (W,), descriptors uint8 (W, B)."""
@@ -291,7 +291,7 @@ class Database:
 
     def read_statistics(self) -> list[NodeStatistics]:
         """Return the figures of all updates, by node."""
-        return self._read(lambda connection: summary_rows.read_statistics(connection, self._file.layout))
+        return self._read(summary_rows.read_statistics)
 
     def set_optimised(
         self, ids: NDArray[np.int64], T_map_base: NDArray[np.float64], T_map_last: NDArray[np.float64] | None
@@ -302,7 +302,7 @@ class Database:
 
     def optimised(self) -> OptimisedPoses | None:
         """Return the optimised graph; None where there is none."""
-        return self._read(lambda connection: summary_rows.read_optimised(connection, self._file.layout))
+        return self._read(summary_rows.read_optimised)
 
     def set_grid(self, cells: NDArray[np.int8], *, x_min_m: float, y_min_m: float, resolution_m: float) -> None:
         """Write the assembled map: cells (H, W), -1 unknown, 0 free, 100 occupied, row 0 at the smallest y."""
@@ -313,7 +313,7 @@ class Database:
 
     def grid(self) -> StoredGrid | None:
         """Return the assembled map; None where there is none."""
-        return self._read(lambda connection: summary_rows.read_grid(connection, self._file.layout))
+        return self._read(summary_rows.read_grid)
 
     def commit(self) -> None:
         """Make what was written so far last; call it after each node."""
@@ -339,9 +339,7 @@ class Database:
         calibration, scan, scan_info, user_data = data or (None,) * 4
         version = self._file.layout.version
         cameras = unpack_cameras(calibration, version)
-        features, points, word_ids = feature_rows.read_features(
-            connection, self._file.layout, node_id, cameras[0] if cameras else None
-        )
+        features, points, word_ids = feature_rows.read_features(connection, node_id, cameras[0] if cameras else None)
         pose = unpack_pose(row[2])
         return Signature(
             id=node_id,

@@ -50,7 +50,7 @@ def insert_features(connection: sqlite3.Connection, signature: Signature) -> Non
 
 
 def read_features(
-    connection: sqlite3.Connection, layout: Layout, node_id: int, camera: StoredCamera | None
+    connection: sqlite3.Connection, node_id: int, camera: StoredCamera | None
 ) -> tuple[Features, NDArray[np.float64], NDArray[np.int64]]:
     """Return a node's key points, their points in the base frame and their words.
 
@@ -59,10 +59,8 @@ def read_features(
     FormatError
         If the descriptors are not binary (SURF, SIFT ...).
     """
-    table = "Feature" if "Feature" in layout.columns else "Map_Node_Word"
-    octave = "octave" if layout.has(table, "octave") else "0"
-    columns = _COLUMNS.replace("octave", octave)
-    rows = connection.execute(f"SELECT {columns} FROM {table} WHERE node_id=? ORDER BY rowid", (node_id,)).fetchall()  # noqa: S608
+    query = f"SELECT {_COLUMNS} FROM Feature WHERE node_id=? ORDER BY rowid"  # noqa: S608
+    rows = connection.execute(query, (node_id,)).fetchall()
     if not rows:
         return no_features(), np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
     *numbers, words, sizes, descriptors = zip(*rows, strict=True)

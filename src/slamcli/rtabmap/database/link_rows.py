@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from slamcli.errors import FormatError
 from slamcli.geometry import se3
 from slamcli.rtabmap.database.blobs import pack_pose, unpack_poses
-from slamcli.rtabmap.database.schema import Layout
 from slamcli.rtabmap.links import Link, LinkKind
 
 _INSERT = "INSERT INTO Link(from_id, to_id, type, information_matrix, transform) VALUES(?,?,?,?,?)"
@@ -41,14 +39,13 @@ def delete_links(connection: sqlite3.Connection, pairs: Iterable[tuple[int, int]
     connection.executemany("DELETE FROM Link WHERE from_id=? AND to_id=?", both)
 
 
-def read_links(connection: sqlite3.Connection, layout: Layout, node_id: int | None = None) -> list[Link]:
+def read_links(connection: sqlite3.Connection, node_id: int | None = None) -> list[Link]:
     """Return the links in the order they were written, each once; of one node only, if told, as seen from whichever end.
 
     Links without a transform (RTAB-Map's null) are left out.
     """
-    weight = "information_matrix, NULL" if layout.has("Link", "information_matrix") else "rot_variance, trans_variance"
     where, values = ("", ()) if node_id is None else ("WHERE from_id=? OR to_id=?", (node_id, node_id))
-    query = f"SELECT from_id, to_id, type, transform, {weight} FROM Link {where} ORDER BY rowid"  # noqa: S608
+    query = f"SELECT from_id, to_id, type, transform, information_matrix FROM Link {where} ORDER BY rowid"  # noqa: S608
     rows = connection.execute(query, values).fetchall()
     poses = unpack_poses([row[3] for row in rows])
     links, seen = [], set()
@@ -65,18 +62,13 @@ def read_links(connection: sqlite3.Connection, layout: Layout, node_id: int | No
                 to_id=to_id,
                 kind=LinkKind(kind),
                 T_from_to=T_from_to,
-                information=_information(row[4], row[5]),
+                information=_information(row[4]),
             )
         )
     return links
 
 
-def _information(first: Any, second: Any) -> NDArray[np.float64]:
-    """Return float64 (6, 6) from the blob, or from the two variances of databases before 0.13."""
-    if isinstance(first, bytes):
-        if len(first) != 288:
-            raise FormatError(f"a link's information of {len(first)} bytes: damaged")
-        return np.frombuffer(first, dtype="<f8").reshape(6, 6).copy()
-    if not (first and second and first > 0.0 and second > 0.0):
-        raise FormatError(f"a link with variances {first} and {second}: damaged")
-    return np.diag([1.0 / second] * 3 + [1.0 / first] * 3)
+def _information(blob: bytes | None) -> NDArray[np.float64]:
+    if blob is None or len(blob) != 288:
+        raise FormatError(f"a link's information of {len(blob or b'')} bytes: damaged")
+    return np.frombuffer(blob, dtype="<f8").reshape(6, 6).copy()

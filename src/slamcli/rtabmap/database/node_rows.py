@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from slamcli.rtabmap.database.blobs import pack_pose, unpack_poses
 from slamcli.rtabmap.database.calibration_blobs import pack_camera
 from slamcli.rtabmap.database.cell_blobs import pack_cells
-from slamcli.rtabmap.database.records import GeoFix, LocalCells, NodeTable, StorageSettings
+from slamcli.rtabmap.database.records import GeoFix, NodeTable, StorageSettings
 from slamcli.rtabmap.database.scan_blobs import pack_scan
-from slamcli.rtabmap.database.schema import Layout
+from slamcli.rtabmap.local_grid import LocalGrid
 from slamcli.rtabmap.signature import NodeImages, Signature
 from slamcli.vision.image_coding import encode_depth, encode_image
 
@@ -43,7 +43,7 @@ class NodeContent:
     weight: int
     label: str | None = None
     images: NodeImages | None = None
-    local_grid: LocalCells | None = None
+    local_grid: LocalGrid | None = None
     ground_truth: NDArray[np.float64] | None = None
     gps: GeoFix | None = None
     velocity: NDArray[np.float64] | None = None
@@ -95,10 +95,9 @@ def data_row(node: NodeContent, settings: StorageSettings) -> tuple[Any, ...]:
     return node.signature.id, image, depth, calibration, scan, scan_info, user_data, *pack_cells(node.local_grid)
 
 
-def read_nodes(connection: sqlite3.Connection, layout: Layout) -> NodeTable:
+def read_nodes(connection: sqlite3.Connection) -> NodeTable:
     """Return all nodes by id."""
-    truth = "ground_truth_pose" if layout.has("Node", "ground_truth_pose") else "NULL"
-    query = f"SELECT id, map_id, weight, stamp, pose, {truth}, label FROM Node ORDER BY id"  # noqa: S608
+    query = "SELECT id, map_id, weight, stamp, pose, ground_truth_pose, label FROM Node ORDER BY id"
     rows = connection.execute(query).fetchall()
     ids, map_ids, weights, stamps, poses, truths, labels = zip(*rows, strict=True) if rows else ((),) * 7
     return NodeTable(

@@ -24,7 +24,8 @@ class StorageSettings:
     cache_pages: int = 10000
     """`DbSqlite3/CacheSize`."""
     journal_mode: int = 0
-    """0 DELETE, 1 TRUNCATE, 2 PERSIST, 3 MEMORY, 4 OFF (`DbSqlite3/JournalMode`); with the last two a killed run may leave a broken file."""
+    """0 DELETE, 1 TRUNCATE, 2 PERSIST (`DbSqlite3/JournalMode`). RTAB-Map's 3 MEMORY and 4 OFF, with which a killed run may leave a broken
+    file, are taken as 0."""
     synchronous: int = 0
     """0 OFF, 1 NORMAL, 2 FULL (`DbSqlite3/Synchronous`): what a power cut may cost; a killed run costs nothing in any case."""
     temp_store: int = 2
@@ -62,21 +63,6 @@ class StoredCamera:
     """float64 (3, 3)."""
     projection: NDArray[np.float64] | None = None
     """float64 (3, 4)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LocalCells:
-    """The cells that one node saw, metres in its base frame."""
-
-    ground: NDArray[np.float32]
-    """(N, 2) or (N, 3): centres of cells that the robot could drive over."""
-    obstacles: NDArray[np.float32]
-    """(N, 2) or (N, 3)."""
-    empty: NDArray[np.float32]
-    """(N, 2) or (N, 3): cells that rays went through."""
-    cell_size_m: float
-    view_point: NDArray[np.float64]
-    """float64 (3,): where the rays began, base frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,8 +11,11 @@ from slamcli.errors import FormatError
 
 VERSION = "0.23.8"
 """Of the schema that is written."""
-OLDEST = (0, 11, 10)
+OLDEST = (0, 8, 0)
 NEWEST = (0, 23)
+_OLD_TABLES = ("Map_Node_Word", "Image", "Depth")
+_OPTIONAL = (("Data", "depth_confidence"), ("Admin", "dictionary_index"))
+"""Columns that came within 0.22 and 0.23 and are not written."""
 
 TABLES = {
     "Node": "id INTEGER NOT NULL, map_id INTEGER NOT NULL, weight INTEGER, stamp FLOAT, pose BLOB, ground_truth_pose BLOB, velocity BLOB, "
@@ -92,12 +95,10 @@ def read_layout(connection: sqlite3.Connection, path: str) -> Layout:
     FormatError
         If it is none of RTAB-Map's, or of a version that is not read.
     """
-    names = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type='table'")}
-    if not {"Node", "Data", "Link", "Admin"} <= names:
+    names = {str(row[0]) for row in connection.execute("SELECT name FROM sqlite_master WHERE type='table'")}
+    if not {"Node", "Link", "Admin"} <= names or not names & {"Data", "Image"}:
         shown = ", ".join(sorted(names)[:5]) or "no tables"
-        known = " of a version before 0.10" if {"Node", "Link", "Admin", "Image"} <= names else ""
-        what = f"an RTAB-Map database{known}, which is not read" if known else f"not RTAB-Map's (it has {shown})"
-        raise FormatError(f"{path}: a database, but {what}; give a .db of RTAB-Map 0.11.10 to {VERSION} or of slamcli")
+        raise FormatError(f"{path}: not a database of RTAB-Map (it has {shown}); give a .db of RTAB-Map or of slamcli")
     row = connection.execute("SELECT version FROM Admin").fetchone()
     text = str(row[0]) if row else ""
     match = re.match(r"^(\d+)\.(\d+)\.(\d+)", text)
@@ -105,22 +106,25 @@ def read_layout(connection: sqlite3.Connection, path: str) -> Layout:
         raise FormatError(f"{path}: its version {text!r} is none of RTAB-Map's; it is damaged or another program's")
     version = tuple(int(part) for part in match.groups())
     if not (version >= OLDEST and version[:2] <= NEWEST):
-        raise FormatError(f"{path}: written by RTAB-Map {text}; versions 0.11.10 to 0.23 are read")
-    columns = {
-        name: tuple(str(row[1]) for row in connection.execute(f"PRAGMA table_info({name})"))
-        for name in sorted(names & set(TABLES) | names & {"Map_Node_Word"})
-    }
-    return Layout(version, columns)
+        raise FormatError(f"{path}: written by RTAB-Map {text}; versions 0.8.0 to 0.23 are read")
+    known = sorted(names & {*TABLES, *_OLD_TABLES})
+    return Layout(
+        version,
+        {name: tuple(str(row[1]) for row in connection.execute(f"PRAGMA table_info({name})")) for name in known},
+    )
 
 
 def check_extendable(layout: Layout, path: str) -> None:
     """Raise FormatError where a database lacks columns that are written."""
-    optional = {("Data", "depth_confidence"), ("Admin", "dictionary_index"), ("GlobalDescriptor", "node_id")}
-    for table, text in TABLES.items():
-        for column in re.findall(r"(?:^|, )([A-Za-z_]+) (?:INTEGER|FLOAT|BLOB|TEXT|DATE)", text):
-            missing = table not in layout.columns or not layout.has(table, column)
-            if missing and (table, column) not in optional and table != "GlobalDescriptor":
+    for table in TABLES:
+        for column in column_names(table):
+            if not layout.has(table, column) and (table, column) not in _OPTIONAL and table != "GlobalDescriptor":
                 raise FormatError(
                     f"{path}: written by RTAB-Map {layout.text}, without {table}.{column}: it can be read, but not continued; "
                     "map it again into a new database (slamcli map --algo rtabmap OLD.db)"
                 )
+
+
+def column_names(table: str) -> tuple[str, ...]:
+    """Return the columns that a table has today."""
+    return tuple(re.findall(r"(?:^|, )([A-Za-z_]+) (?:INTEGER|FLOAT|BLOB|TEXT|DATE)", TABLES[table]))

@@ -23,7 +23,6 @@ from slamcli.rtabmap.database.blobs import (
 )
 from slamcli.rtabmap.database.node_rows import nanoseconds, seconds
 from slamcli.rtabmap.database.records import NodeStatistics, OptimisedPoses, StoredGrid
-from slamcli.rtabmap.database.schema import Layout
 
 _MEASURED = ("Timing/", "TimingMem/", "Memory/RAM_", "Memory/Database_memory")
 
@@ -75,10 +74,8 @@ def insert_statistics(
     connection.execute("INSERT OR REPLACE INTO Statistics(id, stamp, data, wm_state) VALUES(?,?,?,?)", row)
 
 
-def read_statistics(connection: sqlite3.Connection, layout: Layout) -> list[NodeStatistics]:
+def read_statistics(connection: sqlite3.Connection) -> list[NodeStatistics]:
     """Return the figures of all updates, by node."""
-    if not layout.has("Statistics", "data"):
-        return []
     rows = connection.execute("SELECT id, stamp, data FROM Statistics WHERE data IS NOT NULL ORDER BY id").fetchall()
     return [
         NodeStatistics(node_id=int(node), stamp_ns=nanoseconds(stamp), values=_parsed(unpack_text(data)))
@@ -102,10 +99,8 @@ def set_optimised(
     connection.execute("UPDATE Admin SET opt_ids=?, opt_poses=?, opt_last_localization=?", row)
 
 
-def read_optimised(connection: sqlite3.Connection, layout: Layout) -> OptimisedPoses | None:
+def read_optimised(connection: sqlite3.Connection) -> OptimisedPoses | None:
     """Return the optimised graph, or None where there is none."""
-    if not layout.has("Admin", "opt_ids"):
-        return None
     ids, poses, last = connection.execute("SELECT opt_ids, opt_poses, opt_last_localization FROM Admin").fetchone()
     if not ids or not poses:
         return None
@@ -122,10 +117,8 @@ def set_grid(connection: sqlite3.Connection, grid: StoredGrid) -> None:
     connection.execute("UPDATE Admin SET opt_map=?, opt_map_x_min=?, opt_map_y_min=?, opt_map_resolution=?", row)
 
 
-def read_grid(connection: sqlite3.Connection, layout: Layout) -> StoredGrid | None:
+def read_grid(connection: sqlite3.Connection) -> StoredGrid | None:
     """Return the assembled map, or None where there is none."""
-    if not layout.has("Admin", "opt_map"):
-        return None
     cells, x_min_m, y_min_m, resolution_m = connection.execute(
         "SELECT opt_map, opt_map_x_min, opt_map_y_min, opt_map_resolution FROM Admin"
     ).fetchone()

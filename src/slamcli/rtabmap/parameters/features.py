@@ -38,9 +38,8 @@ class StereoGroup:
     dense_strategy: int = choice(
         "DenseStrategy",
         0,
-        "depth of every pixel by; semi-global here whichever is named",
-        {0: "block matching", 1: "semi-global matching"},
-        effective=False,
+        "depth of every pixel of a stereo pair by",
+        {0: "block matching", 1: "semi-global matching, which fills more and takes twice as long"},
     )
 
 

@@ -70,12 +70,12 @@ class DbSqlite3Group:
     """``DbSqlite3``."""
 
     in_memory: bool = switch(
-        "InMemory", False, "the database is kept in memory and written at the end; here always on disk", effective=False
+        "InMemory", False, "the database is kept in memory and written at the end: a killed run leaves nothing"
     )
     cache_size: int = count("CacheSize", 10000, "pages that SQLite caches", "pages")
     journal_mode: int = choice(
-        "JournalMode", 3, "how SQLite protects a write; here always such that a killed run leaves a usable file",
-        {0: "DELETE", 1: "TRUNCATE", 2: "PERSIST", 3: "MEMORY", 4: "OFF"}, effective=False,
+        "JournalMode", 3, "how SQLite protects a write; MEMORY and OFF, which do not survive a killed run, are taken as DELETE",
+        {0: "DELETE", 1: "TRUNCATE", 2: "PERSIST", 3: "MEMORY", 4: "OFF"},
     )  # fmt: skip
     synchronous: int = choice("Synchronous", 0, "when SQLite waits for the disk", {0: "OFF", 1: "NORMAL", 2: "FULL"})
     temp_store: int = choice(
