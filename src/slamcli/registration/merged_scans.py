@@ -99,7 +99,9 @@ class MergedScans:
             agreement=compare_beams(self._maps, scan.points, scan.start, found), searched=False,
         )  # fmt: skip
 
-    def search(self, scan: PlanarScan, around: Floats, guess: Floats, reach_m: float, reach_rad: float, *, least_score: float) -> PlanarMatch | None:
+    def search(
+        self, scan: PlanarScan, around: Floats, guess: Floats, reach_m: float, reach_rad: float, *, least_score: float
+    ) -> PlanarMatch | None:
         """Return where a scan lies best within a window about a guess; None where nothing fits.
 
         Parameters
@@ -123,7 +125,9 @@ class MergedScans:
     def _information(self, scan: PlanarScan, pose: Floats) -> Floats:
         normal = np.zeros((3, 3))
         held = np.full(3, 1e-3)
-        surface_aligner(self._maps, scan.points, SurfaceAlignment(tangent=0.0, max_iterations=1), normal)(pose, pose, held)
+        surface_aligner(self._maps, scan.points, SurfaceAlignment(tangent=0.0, max_iterations=1), normal)(
+            pose, pose, held
+        )
         upper = normal - np.diag(held)
         return np.triu(upper) + np.triu(upper, 1).T
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se3
-from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_settings
+from slamcli.rtabmap.closure_check import ClosureCheck, ClosureRecord, Verdict, closure_link, closure_record
+from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, graph_settings
 from slamcli.rtabmap.hypothesis import Hypothesis
 from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
@@ -19,7 +20,7 @@ from slamcli.rtabmap.node_rate import motion_size
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.registration import Registration
 from slamcli.rtabmap.signature import Signature
-from slamcli.rtabmap.visual_proximity import ProximityMatch, visual_proximity, visual_proximity_in_time
+from slamcli.rtabmap.visual_proximity import visual_proximity, visual_proximity_in_time
 from slamcli.rtabmap.visual_registration import register_best, register_visual
 from slamcli.rtabmap.visual_settings import visual_settings
 from slamcli.vision.pinhole import Pinhole
@@ -40,20 +41,13 @@ class Proposal:
 
     link: Link
     """From the older node to the newer one."""
+    stamp_ns: int
+    """Of the newer node."""
     registration: Registration
     posterior: float = 0.0
     """Of the hypothesis that led there; 0: found because it is near."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Failure:
-    """A place that was compared and not known again."""
-
-    from_id: int
-    to_id: int
-    kind: LinkKind
-    registration: Registration
-    posterior: float = 0.0
+    by_scans: bool = False
+    """Whether scans alone tell it: then it says nothing about what is seen there."""
 
 
 class Closing:
@@ -73,23 +67,34 @@ class Closing:
         self._settings = visual_settings(parameters.vis, parameters.reg)
         optimizer, gtsam = parameters.optimizer, parameters.gtsam
         self._optimiser = GraphOptimiser(graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof))
-        self._last_closure = 0
-        self.failures: list[Failure] = []
+        self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust)
+        self.records: list[ClosureRecord] = []
+        """Places that were compared, with what came of it."""
 
-    def hypothesis(self, node: Signature, graph: MapGraph) -> Hypothesis:
-        """Return which place the node most likely shows."""
-        return Hypothesis(0, 0.0, False)
-
-    def optimise(self, ids: Sequence[int], graph: MapGraph) -> OptimisedGraph:
-        """Return where the links among some nodes agree best; nothing is changed."""
+    def optimise(self, ids: Sequence[int], graph: MapGraph, links: Sequence[Link] | None = None) -> OptimisedGraph:
+        """Return where links among some nodes agree best, all that the graph has unless told; nothing is changed."""
         poses = np.array([graph.T_map_base[node_id] for node_id in ids])
-        own = [node_id for node_id in ids if node_id > 0]
-        root = own[-1] if self._parameters.rgbd.optimize_from_graph_end else own[0]
-        return self._optimiser.optimise(ids, poses, graph.links_among(ids), root=root)
+        root = graph_root(ids, from_end=self._parameters.rgbd.optimize_from_graph_end)
+        used = graph.links_among(ids) if links is None else links
+        return self._optimiser.optimise(ids, poses, used, root=root)
 
-    def bears(self, solution: OptimisedGraph, proposals: Sequence[Proposal]) -> bool:
-        limit = self._parameters.rgbd.optimize_max_error
-        return limit <= 0 or solution.max_ratio <= limit
+    def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
+        """Return which of the proposed closures, which the graph does not have yet, it can bear."""
+        new = [proposal.link for proposal in proposals]
+        verdict = self._check.judge(lambda links: self.optimise(ids, graph, links), graph.links_among(ids), new)
+        return verdict
+
+    def note(self, proposals: Sequence[Proposal], verdict: Verdict) -> None:
+        """Keep what became of proposals, for the report."""
+        reasons = {(link.from_id, link.to_id): reason for link, reason in verdict.refused}
+        for proposal in proposals:
+            link = proposal.link
+            self.records.append(
+                closure_record(
+                    link, proposal.stamp_ns, proposal.registration, reason=reasons.get((link.from_id, link.to_id), ""),
+                    posterior=proposal.posterior, ratio=verdict.ratio,
+                )
+            )  # fmt: skip
 
     def by_looks(self, node: Signature, hypothesis: Hypothesis, graph: MapGraph) -> list[Proposal]:
         """Return the closure with the place that the node most likely shows, if it is accepted and its geometry holds."""
@@ -101,12 +106,8 @@ class Closing:
         known = [candidate for candidate in known if not graph.are_linked(candidate.id, node.id)]
         if not known:
             return []
-        old_id, found = register_best(
-            known, node, self._camera, self._T_base_camera, self._settings, seed=self._seed
-        )
-        proposal = self._proposal(old_id, node.id, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
-        if proposal is not None:
-            self._last_closure = old_id
+        old_id, found = register_best(known, node, self._camera, self._T_base_camera, self._settings, seed=self._seed)
+        proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
         return [] if proposal is None else [proposal]
 
     def by_place(self, node: Signature, graph: MapGraph) -> list[Proposal]:
@@ -114,15 +115,18 @@ class Closing:
         if self._camera is None:
             return []
         rgbd, memory = self._parameters.rgbd, self._memory
-        short_term = [found for found in map(memory.signature, memory.short_term) if found is not None and found.id != node.id]
+        short_term = [
+            found for found in map(memory.signature, memory.short_term) if found is not None and found.id != node.id
+        ]
         matches = [
             *visual_proximity_in_time(node, graph.links, short_term, self._register, rgbd),
             *visual_proximity(
                 node, graph.T_map_base, graph.links, memory.signature, self._register, rgbd,
-                among=memory.working, last_closure=self._last_closure,
+                among=memory.working, last_closure=memory.last_closure,
             ),
         ]  # fmt: skip
-        return [proposal for proposal in (self._near(match, node.id) for match in matches) if proposal is not None]
+        found = (self._proposal(match.near_id, node, match.kind, match.registration) for match in matches)
+        return [proposal for proposal in found if proposal is not None]
 
     def in_the_end(self, graph: MapGraph, node_ids: list[int]) -> Iterator[list[Proposal]]:
         """Yield, node by node, closures with nodes near it in the finished map that no link ties to it yet."""
@@ -135,7 +139,7 @@ class Closing:
                 other = self._memory.recall(other_id)
                 guess = se3.inverse(graph.T_map_base[other_id]) @ graph.T_map_base[node_id]
                 registration = self._register(other, node, guess)
-                proposal = self._proposal(other_id, node_id, LinkKind.LOCAL_SPACE_CLOSURE, registration)
+                proposal = self._proposal(other_id, node, LinkKind.LOCAL_SPACE_CLOSURE, registration)
                 if proposal is not None:
                     found.append(proposal)
             if found:
@@ -152,21 +156,19 @@ class Closing:
             old, new, self._camera, self._T_base_camera, self._settings, seed=self._seed, guess=guess
         )
 
-    def _near(self, match: ProximityMatch, node_id: int) -> Proposal | None:
-        return self._proposal(match.near_id, node_id, match.kind, match.registration)
-
     def _proposal(
-        self, old_id: int, new_id: int, kind: LinkKind, found: Registration, posterior: float = 0.0
+        self, old_id: int, node: Signature, kind: LinkKind, found: Registration, posterior: float = 0.0
     ) -> Proposal | None:
+        """Return a closure that can be proposed; what failed is noted."""
         if found.T_a_b is None:
-            self.failures.append(
-                Failure(from_id=old_id, to_id=new_id, kind=kind, registration=found, posterior=posterior)
-            )
+            self.records.append(closure_record((old_id, node.id, kind), node.stamp_ns, found, posterior=posterior))
             return None
-        link = Link(
-            from_id=old_id, to_id=new_id, kind=kind, T_from_to=found.T_a_b, information=information_of(found.covariance)
+        return Proposal(
+            link=closure_link(old_id, node.id, kind, found),
+            stamp_ns=node.stamp_ns,
+            registration=found,
+            posterior=posterior,
         )
-        return Proposal(link=link, registration=found, posterior=posterior)
 
 
 def information_of(covariance: Floats) -> Floats:

@@ -29,7 +29,9 @@ class WaysFromNode:
     links : of the graph.
     """
 
-    def __init__(self, source: int, T_map_base: Mapping[int, Floats], links: Sequence[Link], sigmas: LinkSigmas) -> None:
+    def __init__(
+        self, source: int, T_map_base: Mapping[int, Floats], links: Sequence[Link], sigmas: LinkSigmas
+    ) -> None:
         self._ids = np.array(sorted(node for node in T_map_base if node > 0), np.int64)
         self._positions = np.array([T_map_base[int(node)][:3, 3] for node in self._ids])
         self._row = {int(node): row for row, node in enumerate(self._ids)}
@@ -39,7 +41,9 @@ class WaysFromNode:
         a, b, moved, turned = a[known], b[known], moved[known], turned[known]
         count = len(self._ids)
         cost = moved + _ARM_M2 * turned + 1e-12
-        order = np.lexsort((cost, np.maximum(a, b), np.minimum(a, b)))  # of several links between two nodes the best counts
+        order = np.lexsort(
+            (cost, np.maximum(a, b), np.minimum(a, b))
+        )  # of several links between two nodes the best counts
         low, high = np.minimum(a, b)[order], np.maximum(a, b)[order]
         best = np.ones(len(order), np.bool_)
         best[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
@@ -47,9 +51,7 @@ class WaysFromNode:
         self._edges = {(int(x), int(y)): int(k) for x, y, k in zip(low[best], high[best], keep, strict=True)}
         self._moved, self._turned = moved, turned
         graph = coo_matrix((cost[keep], (low[best], high[best])), shape=(count, count)).tocsr()
-        self._cost, self._before = dijkstra(
-            graph, directed=False, indices=self._row[source], return_predecessors=True
-        )
+        self._cost, self._before = dijkstra(graph, directed=False, indices=self._row[source], return_predecessors=True)
 
     def variances(self, node: int) -> tuple[float, float]:
         """Return variances of the position (m^2) and the heading (rad^2) of a node seen from the source; infinite without a way.

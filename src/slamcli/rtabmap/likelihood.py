@@ -215,13 +215,13 @@ def adjusted(scores: Floats, *, ratio: int = 0) -> Floats:
     values = np.ones(len(scores) + 1)
     high = scores > mean + deviation
     if ratio == 0 and mean > 0.0:
-        values[1:][high] = (scores[high] - (deviation - _EPSILON)) / mean  # T-RO 2013, eq. 6
+        values[1:][high] = (scores[high] - (deviation - _EPSILON)) / mean
     elif ratio != 0 and deviation > 0.0:
         values[1:][high] = (scores[high] - mean) / deviation
     values[0] = 2.0
     if deviation > _EPSILON and highest > 0.0:
         if ratio == 0:
-            values[0] = mean / deviation + 1.0  # eq. 7
+            values[0] = mean / deviation + 1.0
         elif highest > mean:
             values[0] = deviation / (highest - mean) + 1.0
     return values

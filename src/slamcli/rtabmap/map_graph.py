@@ -77,6 +77,10 @@ class MapGraph:
                 self.add_link(_led_to(link, gone, kept, T_gone_kept))
         del self.nodes[gone], self.T_map_base[gone], self._linked[gone]
 
+    def links_of(self, node_id: int) -> Sequence[Link]:
+        """Return the links of a node, whichever end it is, in the order in which they came; none of an unknown node."""
+        return self._linked.get(node_id, ())
+
     def neighbours(self, node_id: int) -> list[int]:
         """Return what is linked to a node, landmarks too, in the order of the links."""
         others = (link.to_id if link.from_id == node_id else link.from_id for link in self._linked.get(node_id, ()))

@@ -152,7 +152,12 @@ class PlanarScanOdometry:
         )  # fmt: skip
 
     def _track(
-        self, recorded: NDArray[np.int64], stamps: NDArray[np.int64], motions: Floats, steps: list[ScanStep], laser: LaserOdometry
+        self,
+        recorded: NDArray[np.int64],
+        stamps: NDArray[np.int64],
+        motions: Floats,
+        steps: list[ScanStep],
+        laser: LaserOdometry,
     ) -> ScanTrack:
         poses = se3.from_se2(se2.integrate(np.zeros(3), motions[1:]))
         known = laser.wheels is not None

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,10 +93,14 @@ class ScanProximity:
         else:
             before = self._before(new, graph, scans)
             around = np.concatenate([se2.transform_points(p, b.points[::2]) for p, b in before])
-            match = merged.search(scan, around, T, min(3 * sigma + 0.2, s.radius_m), min(3 * sigma_rad + 0.1, math.pi), least_score=0.45)
+            match = merged.search(
+                scan, around, T, min(3 * sigma + 0.2, s.radius_m), min(3 * sigma_rad + 0.1, math.pi), least_score=0.45
+            )
             if match is None:
                 return ProximityTrial(new_id=new, old_id=anchor, reason="nothing fits", sigma_m=sigma)
-            support = sum((merged.agreement(b, se2.compose(match.pose, p)) for p, b in before), BeamAgreement(0, 0, 0, 0))
+            support = sum(
+                (merged.agreement(b, se2.compose(match.pose, p)) for p, b in before), BeamAgreement(0, 0, 0, 0)
+            )
             match = replace(match, support=support)
         reason = self._doubt(match)
         link = None
@@ -106,34 +110,50 @@ class ScanProximity:
 
     def _doubt(self, m):
         a = m.agreement
-        if a.num_beams < 20: return "few beams"
-        if a.share_on_surface < 0.55: return "little on surfaces"
-        if a.share_contradicting > 0.2: return "ends in free space"
-        if a.share_through > 0.15: return "through walls"
+        if a.num_beams < 20:
+            return "few beams"
+        if a.share_on_surface < 0.55:
+            return "little on surfaces"
+        if a.share_contradicting > 0.2:
+            return "ends in free space"
+        if a.share_through > 0.15:
+            return "through walls"
         return ""
 
     def _link(self, anchor, new, m):
         c, s_ = math.cos(m.pose[2]), math.sin(m.pose[2])
         covariance = self._settings.covariance_factor * np.linalg.inv(m.information + np.diag([1.0, 1.0, 1.0]))
-        covariance += np.diag([0.005**2]*2 + [0.001**2])
+        covariance += np.diag([0.005**2] * 2 + [0.001**2])
         if m.spread is not None:
             covariance[:2, :2] += m.spread * 1.0
-        full = np.diag([1e-4]*6)
+        full = np.diag([1e-4] * 6)
         idx = [0, 1, 5]
         full[np.ix_(idx, idx)] = covariance
-        return Link(from_id=anchor, to_id=new, kind=LinkKind.LOCAL_SPACE_CLOSURE, T_from_to=se3.from_se2(m.pose), information=np.linalg.inv(full))
+        return Link(
+            from_id=anchor,
+            to_id=new,
+            kind=LinkKind.LOCAL_SPACE_CLOSURE,
+            T_from_to=se3.from_se2(m.pose),
+            information=np.linalg.inv(full),
+        )
 
     def _members(self, path, anchor, graph):
         s = self._settings
         k = path.index(anchor)
         chosen = [anchor]
         for step in (1, -1):
-            last = graph.T_map_base[anchor]; count = 0; j = k + step
+            last = graph.T_map_base[anchor]
+            count = 0
+            j = k + step
             while 0 <= j < len(path) and count < s.max_neighbors:
                 T = graph.nodes[path[j]].T_odom_base
                 L = graph.nodes[chosen[-1] if count else anchor].T_odom_base
-                if np.hypot(*(T[:2, 3] - L[:2, 3])) >= s.spacing_m or abs(math.remainder(se3.to_se2(T)[2]-se3.to_se2(L)[2], math.tau)) > 0.5:
-                    chosen.append(path[j]); count += 1
+                if (
+                    np.hypot(*(T[:2, 3] - L[:2, 3])) >= s.spacing_m
+                    or abs(math.remainder(se3.to_se2(T)[2] - se3.to_se2(L)[2], math.tau)) > 0.5
+                ):
+                    chosen.append(path[j])
+                    count += 1
                 j += step
         return chosen
 
@@ -145,19 +165,25 @@ class ScanProximity:
         poses = se2.between(poses[0], poses)
         merged = MergedScans(poses, [self._scan(i, scans) for i in members], cell_m=self._settings.cell_m)
         self._maps[members] = merged
-        if len(self._maps) > _KEPT_MAPS: self._maps.popitem(last=False)
+        if len(self._maps) > _KEPT_MAPS:
+            self._maps.popitem(last=False)
         return merged
 
     def _scan(self, i, scans):
         if i not in self._planar:
             n = scans[i]
             free = np.zeros((0, 2)) if n.open_ends is None else n.open_ends[:, :2].astype(float)
-            self._planar[i] = PlanarScan(np.ascontiguousarray(n.points[:, :2].astype(float)), n.T_base_sensor[:2, 3].astype(float), free)
+            self._planar[i] = PlanarScan(
+                np.ascontiguousarray(n.points[:, :2].astype(float)), n.T_base_sensor[:2, 3].astype(float), free
+            )
         return self._planar[i]
 
     def _before(self, new, graph, scans):
         here = se3.to_se2(graph.nodes[new].T_odom_base)
-        return [(se2.between(here, se3.to_se2(graph.nodes[i].T_odom_base)), self._scan(i, scans)) for i in sorted(graph.nodes)[-9:-1]]
+        return [
+            (se2.between(here, se3.to_se2(graph.nodes[i].T_odom_base)), self._scan(i, scans))
+            for i in sorted(graph.nodes)[-9:-1]
+        ]
 
 
 def _paths(ids, distance, s):

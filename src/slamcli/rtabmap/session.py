@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
 from slamcli.rtabmap.frame_track import FrameTrack
+from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping
 from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.map_graph import GraphNode, MapGraph
@@ -35,8 +36,10 @@ class Session:
         Short-term and working memory; empty or as the database had it.
     graph
         Of all nodes; empty or as the database had it.
+    detector
+        Tells which place a node shows again.
     closing
-        Finds places again.
+        Compares places.
     keeping
         The database.
     """
@@ -47,6 +50,7 @@ class Session:
         *,
         memory: Memory,
         graph: MapGraph,
+        detector: LoopDetector,
         closing: Closing,
         keeping: Keeping,
         log: RunLog,
@@ -54,7 +58,7 @@ class Session:
         self.parameters = parameters
         self.memory, self.graph, self.closing, self.keeping = memory, graph, closing, keeping
         self.records: list[UpdateRecord] = []
-        self._log = log
+        self._detector, self._log = detector, log
         self._previous: Signature | None = None
         self._first_id = max(graph.nodes, default=0) + 1
         self._next_id = self._first_id
@@ -73,17 +77,17 @@ class Session:
             return None
         self._extend(signature, node)
         self.keeping.add(signature, node)
-        added = self.memory.add(signature)
-        if added.merged_id is not None:
-            self._merge(added.merged_id, signature.id)
-        hypothesis = self.closing.hypothesis(signature, self.graph)
+        added = self.memory.add(signature, self.graph)
+        for gone, kept in added.reduced:
+            self._merge(gone, kept)
+        hypothesis = self._detector.hypothesis(signature, self.graph)
         retrieved = self.memory.retrieve(hypothesis.node, self.graph)
         proposals = [
             *self.closing.by_looks(signature, hypothesis, self.graph),
             *self.closing.by_place(signature, self.graph),
         ]
         accepted, optimised = self._close(signature.id, proposals)
-        transferred = self.memory.transfer([proposal.link.from_id for proposal in accepted], self.graph)
+        transferred = self.memory.transfer(self.graph, keep=[proposal.link.from_id for proposal in accepted])
         self._previous = signature
         by_looks = [proposal for proposal in accepted if proposal.link.kind == LinkKind.GLOBAL_CLOSURE]
         sizes = self.memory.sizes()
@@ -95,7 +99,7 @@ class Session:
                 loop_inliers=by_looks[0].registration.num_inliers if by_looks else 0,
                 proximity_closures=len(accepted) - len(by_looks), refused=len(proposals) - len(accepted),
                 short_term=sizes.short_term, working=sizes.working, long_term=sizes.long_term, words=sizes.words,
-                retrieved=len(retrieved), transferred=len(transferred), rehearsed=added.merged_id or 0, optimised=optimised,
+                retrieved=len(retrieved), transferred=len(transferred), similarity=added.similarity, optimised=optimised,
             )
         )  # fmt: skip
         self.keeping.end_update(self.memory, self.records[-1])
@@ -134,6 +138,7 @@ class Session:
         if node.began_anew:
             self._map_id += 1
             self._previous = None
+            self.memory.begin_session()
         T_odom_base = flattened(node.T_odom_base) if self.parameters.reg.force_3dof else node.T_odom_base
         return Signature(
             id=self._next_id, map_id=self._map_id, stamp_ns=node.stamp_ns, T_odom_base=T_odom_base,
@@ -173,18 +178,24 @@ class Session:
         """Return the closures that the graph bears, and how many nodes the optimisation moved."""
         if not proposals:
             return [], 0
-        for proposal in proposals:
-            self.graph.add_link(proposal.link)
-        ids = self._scope(node_id, everything=everything)
-        solution = self.closing.optimise(ids, self.graph)
-        if self.closing.bears(solution, proposals):
-            self.graph.place(ids, solution.T_map_base)
-            self.keeping.link([proposal.link for proposal in proposals])
-            return list(proposals), solution.moved
-        self.graph.remove_links([proposal.link for proposal in proposals])
-        if len(proposals) > 1:  # one wrong closure must not take the right ones along
+        ids = self._scope([node_id, *(proposal.link.from_id for proposal in proposals)], everything=everything)
+        verdict = self.closing.judge(ids, self.graph, proposals)
+        if verdict.graph is None and len(proposals) > 1:  # one wrong closure must not take the right ones along
             return self._one_by_one(node_id, proposals, everything=everything)
-        return [], 0
+        self.graph.remove_links(verdict.dropped)
+        self.keeping.unlink(verdict.dropped)
+        for link in verdict.accepted:
+            self.graph.add_link(link)
+        self.keeping.link(verdict.accepted)
+        self.closing.note(proposals, verdict)
+        if verdict.graph is None:
+            return [], 0
+        self.graph.place(ids, verdict.graph.T_map_base)
+        taken = {(link.from_id, link.to_id) for link in verdict.accepted}
+        accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
+        for proposal in accepted:
+            self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
+        return accepted, verdict.graph.moved
 
     def _one_by_one(
         self, node_id: int, proposals: Sequence[Proposal], *, everything: bool
@@ -197,12 +208,15 @@ class Session:
             moved = max(moved, count)
         return accepted, moved
 
-    def _scope(self, node_id: int, *, everything: bool = False) -> list[int]:
-        """Return which nodes an optimisation moves: those tied to a node by links among what the memory holds."""
-        if everything or not self.memory.bounded:
-            return self.graph.component(node_id)
-        held = {*self.memory.short_term, *self.memory.working}
-        return self.graph.component(node_id, among=held)
+    def _scope(self, ends: Sequence[int], *, everything: bool = False) -> list[int]:
+        """Return which nodes an optimisation moves: those tied to some nodes by links, among what the memory holds."""
+        bounded = self.memory.bounded and not everything
+        held = {*self.memory.short_term, *self.memory.working, *ends} if bounded else None
+        found: set[int] = set()
+        for end in ends:
+            if end not in found:
+                found.update(self.graph.component(end, among=held))
+        return sorted(found)
 
     def _optimise_all(self) -> None:
         """Optimise every map by itself."""

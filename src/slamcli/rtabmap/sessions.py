@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from slamcli.geometry import se3
 from slamcli.mapper import Setup
 from slamcli.rtabmap.closing import Closing
 from slamcli.rtabmap.database import Database, StorageSettings
 from slamcli.rtabmap.fronts import Front
+from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping, parameters_text
 from slamcli.rtabmap.map_graph import GraphNode, MapGraph
 from slamcli.rtabmap.memory import Memory
@@ -29,13 +29,16 @@ def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> S
         If the database cannot be used.
     """
     database = _database(parameters, setup)
-    memory = Memory(parameters)
+    memory = Memory(parameters, database)
     graph = MapGraph()
     if setup.database is not None and setup.database.append:
         restore(database, graph, memory)
     closing = Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed)
     keeping = Keeping(database, bin_data=parameters.mem.bin_data_kept)
-    return Session(parameters, memory=memory, graph=graph, closing=closing, keeping=keeping, log=setup.log)
+    detector = LoopDetector(parameters, memory, seed=setup.seed)
+    return Session(
+        parameters, memory=memory, graph=graph, detector=detector, closing=closing, keeping=keeping, log=setup.log
+    )
 
 
 def restore(database: Database, graph: MapGraph, memory: Memory) -> None:

@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from slamcli.measurements import CameraRig
 from slamcli.rtabmap.feature_settings import Detector, FeatureSettings
-from slamcli.rtabmap.odometry_settings import OdometrySettings
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.scan_odometry import ScanOdometrySettings
 from slamcli.vision.corner_description import OpenCvOrbSettings
@@ -52,21 +49,6 @@ def feature_settings(parameters: RtabmapParameters) -> FeatureSettings:
             max_disparity=stereo.max_disparity, squared=stereo.ssd,
         ),
         depth_weight=parameters.slamcli.depth_weight,
-    )  # fmt: skip
-
-
-def odometry_settings(parameters: RtabmapParameters) -> OdometrySettings:
-    """Return how visual odometry tracks (Odom/*, OdomF2M/*, Vis/*)."""
-    odom, f2m, vis = parameters.odom, parameters.odom_f2m, parameters.vis
-    feature = feature_settings(parameters)
-    octree = feature.octree
-    scales = octree.scale_factor ** np.arange(octree.num_levels) if feature.detector == Detector.ORB_OCTREE else np.ones(8)
-    return OdometrySettings(
-        scales=tuple(scales.tolist()), frame_to_map=odom.strategy == 0, map_size=f2m.max_size, most_new=f2m.max_new_features,
-        bundle_frames=f2m.bundle_adjustment_max_frames, adjust=f2m.bundle_adjustment > 0, min_inliers=vis.min_inliers,
-        keyframe_share=odom.key_frame_thr, keyframe_inliers=odom.vis_key_frame_thr, window=float(vis.cor_guess_win_size),
-        ratio=vis.cor_nndr, reprojection_px=vis.pnp_reproj_error, iterations=vis.iterations, guess_motion=odom.guess_motion,
-        smoothing_ns=round(1e9 * odom.guess_smoothing_delay), reset_countdown=odom.reset_countdown, holonomic=odom.holonomic,
     )  # fmt: skip
 
 

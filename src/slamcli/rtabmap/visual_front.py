@@ -20,8 +20,9 @@ from slamcli.rtabmap.given_odometry import GivenOdometry, motion_covariance
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import OdometryStep
 from slamcli.rtabmap.node_scans import node_scan
+from slamcli.rtabmap.odometry_settings import odometry_settings
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.settings import feature_settings, odometry_settings, preparation_settings
+from slamcli.rtabmap.settings import feature_settings, preparation_settings
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 from slamcli.rtabmap.visual_odometry import VisualOdometry
 from slamcli.vision.features import Features
@@ -50,11 +51,8 @@ class VisualFront:
         own_odometry = parameters.slamcli.odometry != "recording"
         flat = parameters.reg.force_3dof and parameters.rgbd.force_odom_3dof
         self._given = None if own_odometry else GivenOdometry(planar=flat)
-        self._visual = (
-            VisualOdometry(odometry_settings(parameters), self.camera, self.preparation.T_base_camera, seed=setup.seed)
-            if own_odometry
-            else None
-        )
+        tracking = odometry_settings(parameters, self._extractor.settings.scales, setup.seed)
+        self._visual = VisualOdometry(tracking, self.camera, self.preparation.T_base_camera) if own_odometry else None
         self._last: Floats | None = None
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
 
@@ -126,9 +124,7 @@ class VisualFront:
     def _moment(self, waiting: _Waiting) -> Moment:
         seen = waiting.seen.result()
         step = self._given_step(waiting.stamp_ns) if self._visual is None else self._own_step(waiting.stamp_ns, seen)
-        return Moment(
-            step=step, features=seen.features, prepared=seen.prepared, scan=self._scan_at(waiting.stamp_ns)
-        )
+        return Moment(step=step, features=seen.features, prepared=seen.prepared, scan=self._scan_at(waiting.stamp_ns))
 
     def _own_step(self, stamp_ns: int, seen: _Seen) -> OdometryStep:
         if self._visual is None:
