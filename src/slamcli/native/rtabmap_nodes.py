@@ -40,6 +40,8 @@ class NodeGiven:
     remaps: Mapping[str, str] = field(default_factory=dict)
     file: str = ""
     line: int = 0
+    deletes_database: bool = False
+    """Whether its arguments say so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +64,7 @@ def launched_nodes(launch: Launch) -> tuple[NodeGiven, ...]:
             remaps={name.strip("/"): topic for name, topic in node.remaps.items()},
             file=node.file,
             line=node.line,
+            deletes_database=not _FRESH.isdisjoint(node.args.split()),
         )
         for node in launch.nodes
         if type_of(node)

@@ -67,6 +67,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         num_point_clouds=taken.num_clouds,
         spatial=not settled.reg.force_3dof,
         keep_scans=True,
+        samples_first=True,
         odometry=taken.odometry,
         imu=taken.imu,
         landmarks=offer.landmarks and not settled.optimizer.landmarks_ignored,
@@ -98,7 +99,7 @@ def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: Run
         num_clouds=clouds if "points" in offer.named else min(clouds, 1),
         flat=offer.flat_clouds,
         odometry=offer.odometry and ("odometry" in offer.named or node.subscribe_odom is not False),
-        imu=offer.imu and ("imu" in offer.named or offer.imu_calibrated or cameras is None),
+        imu=offer.imu and ("imu" in offer.named or offer.imu_placed or cameras is None),
     )
     if offer.imu and not taken.imu:
         log.note("the IMU is left out, as its place at the camera is not known (--imu-topic takes it)")

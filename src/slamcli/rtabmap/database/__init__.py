@@ -3,6 +3,7 @@
 
 from slamcli.rtabmap.database.connection import Mode
 from slamcli.rtabmap.database.database import Database
+from slamcli.rtabmap.database.probing import is_database, is_in_use
 from slamcli.rtabmap.database.records import (
     GeoFix,
     NodeStatistics,
@@ -23,4 +24,6 @@ __all__ = [
     "StorageSettings",
     "StoredCamera",
     "StoredGrid",
+    "is_database",
+    "is_in_use",
 ]
