@@ -25,7 +25,7 @@ from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.orbslam3.start_refusals import why_none_began
 from slamcli.orbslam3.statistics import step_columns, tell_gaps, untracked_share
-from slamcli.orbslam3.upright import Upright, upright
+from slamcli.grids.upright import Upright, upright
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 

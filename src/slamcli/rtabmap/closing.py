@@ -63,7 +63,8 @@ class Closing:
         self, parameters: RtabmapParameters, memory: Memory, camera: Pinhole | None, T_base_camera: Floats, seed: int
     ) -> None:
         self._parameters, self._memory = parameters, memory
-        self._camera, self._T_base_camera, self._seed = camera, T_base_camera, seed
+        self._camera, self._seed = camera, seed
+        self.T_base_camera = T_base_camera
         self._settings = visual_settings(parameters.vis, parameters.reg)
         optimizer, gtsam = parameters.optimizer, parameters.gtsam
         self._optimiser = GraphOptimiser(graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof))
@@ -81,8 +82,7 @@ class Closing:
     def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
         """Return which of the proposed closures, which the graph does not have yet, it can bear."""
         new = [proposal.link for proposal in proposals]
-        verdict = self._check.judge(lambda links: self.optimise(ids, graph, links), graph.links_among(ids), new)
-        return verdict
+        return self._check.judge(lambda links: self.optimise(ids, graph, links), graph.links_among(ids), new)
 
     def note(self, proposals: Sequence[Proposal], verdict: Verdict) -> None:
         """Keep what became of proposals, for the report."""
@@ -106,7 +106,7 @@ class Closing:
         known = [candidate for candidate in known if not graph.are_linked(candidate.id, node.id)]
         if not known:
             return []
-        old_id, found = register_best(known, node, self._camera, self._T_base_camera, self._settings, seed=self._seed)
+        old_id, found = register_best(known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed)
         proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
         return [] if proposal is None else [proposal]
 
@@ -153,7 +153,7 @@ class Closing:
         if self._camera is None:
             raise ValueError("places without cameras are not compared by features")
         return register_visual(
-            old, new, self._camera, self._T_base_camera, self._settings, seed=self._seed, guess=guess
+            old, new, self._camera, self.T_base_camera, self._settings, seed=self._seed, guess=guess
         )
 
     def _proposal(

@@ -29,7 +29,7 @@ class Front(Protocol):
         """The ideal camera of all features; None for a robot without cameras."""
 
     @property
-    def T_base_camera(self) -> Floats:
+    def T_base_camera(self) -> Floats:  # noqa: N802 - frames stand in names
         """Its pose in the base frame, float64 (4, 4)."""
 
     def take(self, measurement: Measurement) -> Iterator[Moment]:

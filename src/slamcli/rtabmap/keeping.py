@@ -6,11 +6,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slamcli.grids import OccupancyGrid
 from slamcli.parameters import as_dict
 from slamcli.rtabmap.database import Database
 from slamcli.rtabmap.links import Link
+from slamcli.rtabmap.local_grid import LocalGrid
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_input import NodeInput
@@ -25,7 +26,8 @@ class Keeping:
     def __init__(self, database: Database, *, bin_data: bool) -> None:
         self.database = database
         self._bin_data = bin_data
-        self._weights: dict[int, int] = {}
+        self.fixed = database.mode == "read"
+        """Whether nothing is written."""
 
     def add(self, signature: Signature, node: NodeInput) -> None:
         """Write a node."""
@@ -50,17 +52,25 @@ class Keeping:
         self.database.add_statistics(record.node, record.stamp_ns, _statistics(record))
         self.database.commit()
 
-    def finish(self, graph: MapGraph, memory: Memory, parameters: RtabmapParameters, ids: Sequence[int]) -> None:
-        """Write the optimised poses of some nodes and what the next session begins with."""
-        chosen: NDArray[np.int64] = np.array(ids, dtype=np.int64)
+    def keep_grid(self, node_id: int, grid: LocalGrid) -> None:
+        """Write what a node saw of the floor."""
+        self.database.set_local_grid(node_id, grid)
+
+    def finish(
+        self, graph: MapGraph, memory: Memory, parameters: RtabmapParameters, ids: Sequence[int], grid: OccupancyGrid | None
+    ) -> None:
+        """Write the optimised poses of some nodes, the map, and what the next session begins with; close the file."""
         poses = np.array([graph.T_map_base[node_id] for node_id in ids]).reshape(-1, 4, 4)
-        self.database.set_optimised(chosen, poses, poses[-1] if len(poses) else None)
+        self.database.set_optimised(np.array(ids, dtype=np.int64), poses, poses[-1] if len(poses) else None)
+        if grid is not None:
+            x_m, y_m = grid.origin[0], grid.origin[1]
+            self.database.set_grid(grid.cells, x_min_m=x_m, y_min_m=y_m, resolution_m=grid.resolution_m)
         sizes = memory.sizes()
         self.database.set_info(
             parameters_text(parameters), stm_size=sizes.short_term, last_id=max(graph.nodes, default=0),
             num_words=sizes.words, working_ids=[*memory.working, *memory.short_term],
         )  # fmt: skip
-        self.database.commit()
+        self.database.close()
 
 
 def parameters_text(parameters: RtabmapParameters) -> str:

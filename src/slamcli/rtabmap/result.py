@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,15 @@ from slamcli.errors import EstimationError
 from slamcli.geometry import se3
 from slamcli.mapper import MappingResult, Setup
 from slamcli.posegraph.keyframe_graph import EDGE_KINDS, KeyframeGraph
+from slamcli.rtabmap.database import Database
 from slamcli.rtabmap.frame_track import FrameTrack, PlacedFrames
 from slamcli.rtabmap.links import CLOSURES, Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
+from slamcli.rtabmap.maps import build_maps
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.session import Session
+from slamcli.rtabmap.signature import NodeImages, NodeScan
+from slamcli.rtabmap.turning_upright import find_upright
 from slamcli.rtabmap.update_record import columns
 from slamcli.trajectory import Trajectory
 
@@ -43,12 +48,6 @@ def chosen_component(graph: MapGraph, own_nodes: list[int]) -> list[int]:
             component_of.update(dict.fromkeys(found, found[0]))
     counts = Counter(component_of[node_id] for node_id in own_nodes)
     return members[min(counts, key=lambda first: (-counts[first], first))]
-
-
-def trajectory_of(placed: PlacedFrames, setup: Setup) -> Trajectory:
-    """Return the poses of frames as a trajectory."""
-    positions, quats = se3.to_position_quaternion(placed.T_map_base)
-    return Trajectory(placed.stamps_ns, positions, quats, frame_id=setup.map_frame, child_frame_id=setup.base_frame)
 
 
 def keyframe_graph(graph: MapGraph, ids: list[int]) -> KeyframeGraph:
@@ -95,17 +94,44 @@ def summary_of(session: Session, track: FrameTrack, ids: list[int], placed: Plac
 
 def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters, setup: Setup) -> MappingResult:
     """Return trajectory, nodes and maps, and close the database."""
-    graph = session.graph
+    graph, database = session.graph, session.keeping.database
     ids = chosen_component(graph, session.own_nodes)
+    sensors = partial(_sensors, database)
+    up = _turn_upright(session, ids, setup)
+    T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
     placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
-    session.close(ids)
-    keyframes = PlacedFrames(
-        np.arange(len(ids)), np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64),
-        np.array([graph.T_map_base[node_id] for node_id in ids]),
+    stamps = np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64)
+    maps = build_maps(
+        zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
+        keep=None if session.keeping.fixed else session.keeping.keep_grid,
     )  # fmt: skip
+    session.close(ids, maps.grid)
     return MappingResult(
-        trajectory=trajectory_of(placed, setup), keyframes=trajectory_of(keyframes, setup),
-        keyframe_graph=keyframe_graph(graph, ids), steps=columns(session.records),
-        summary=summary_of(session, track, ids, placed),
+        trajectory=_trajectory(placed.stamps_ns, placed.T_map_base, setup),
+        keyframes=_trajectory(stamps, T_map_node, setup),
+        keyframe_graph=keyframe_graph(graph, ids), steps=columns(session.records), grid=maps.grid, cloud=maps.cloud,
+        octree=maps.octree, summary={**summary_of(session, track, ids, placed), "up_from": up},
         database=None if setup.database is None else setup.database.path,
     )  # fmt: skip
+
+
+def _sensors(database: Database, node_id: int) -> tuple[NodeImages | None, NodeScan | None]:
+    return database.read_images(node_id), database.read_scan(node_id)
+
+
+def _turn_upright(session: Session, ids: list[int], setup: Setup) -> str:
+    """Turn the map so that z is up, unless its base is known to be upright; return what told it."""
+    graph = session.graph
+    known = setup.rig is None or setup.rig.base_is_upright
+    if known or ids[0] not in session.own_nodes:
+        return "base" if known else "database"
+    T_map_base = np.array([graph.T_map_base[node_id] for node_id in ids])
+    T_base_camera = session.closing.T_base_camera
+    T_up_map, found = find_upright(ids, T_map_base, T_base_camera, partial(_sensors, session.keeping.database), setup.seed)
+    graph.place(ids, T_up_map @ T_map_base)
+    return found.source
+
+
+def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: Floats, setup: Setup) -> Trajectory:
+    positions, quats = se3.to_position_quaternion(T_map_base)
+    return Trajectory(stamps_ns, positions, quats, frame_id=setup.map_frame, child_frame_id=setup.base_frame)

@@ -35,7 +35,7 @@ class PlanarFront:
         """There is none."""
 
     @property
-    def T_base_camera(self) -> Floats:
+    def T_base_camera(self) -> Floats:  # noqa: N802 - frames stand in names
         """Of no camera: the base itself."""
         return np.eye(4)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se3
+from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.hypothesis import LoopDetector
@@ -114,9 +115,9 @@ class Session:
                 break
             self._optimise_all()
 
-    def close(self, ids: Sequence[int]) -> None:
+    def close(self, ids: Sequence[int], grid: OccupancyGrid | None) -> None:
         """Write what the next session begins with, with the poses of some nodes, and close the database."""
-        self.keeping.finish(self.graph, self.memory, self.parameters, ids)
+        self.keeping.finish(self.graph, self.memory, self.parameters, ids, grid)
 
     def _search_again(self) -> bool:
         """Return whether the finished map showed places that no closure tied yet."""

@@ -57,7 +57,7 @@ class VisualFront:
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
 
     @property
-    def T_base_camera(self) -> Floats:
+    def T_base_camera(self) -> Floats:  # noqa: N802 - frames stand in names
         """Pose of the ideal camera in the base frame, float64 (4, 4)."""
         return self.preparation.T_base_camera
 
