@@ -237,3 +237,11 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
         load(tmp_path, "a.launch.py", "x = 1\n")
     with pytest.raises(ConfigError, match=r"reads \.ini files"):
         load(tmp_path, "a.lua", "x = 1\n")
+
+
+@pytest.mark.parametrize(("kind", "odometry"), [("rgbd_odometry", "auto"), ("icp_odometry", "scan")])
+def test_a_launch_file_that_starts_odometry_has_it_computed(tmp_path: Path, kind: str, odometry: str) -> None:
+    text = f"""<launch><node pkg="rtabmap_odom" type="{kind}" name="o"/><node pkg="rtabmap_slam" type="rtabmap" name="r">
+      <param name="subscribe_odom" value="true"/></node></launch>"""
+    config = load(tmp_path, "a.launch", text)
+    assert (value(config, "subscribe_odom"), value(config, "slamcli.odometry")) == (False, odometry)

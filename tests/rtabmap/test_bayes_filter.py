@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -152,7 +154,7 @@ def test_prediction_is_the_naive_one(seed: int, size: int, prediction: tuple[flo
     rng = np.random.default_rng(seed)
     ids = sorted(rng.permutation(30)[:size].tolist())
     kinds = [LinkKind.NEIGHBOR, LinkKind.GLOBAL_CLOSURE, LinkKind.LOCAL_SPACE_CLOSURE, LinkKind.NEIGHBOR_MERGED]
-    links = [link(a, b) for a, b in zip(ids, ids[1:], strict=False) if rng.random() < 0.9]
+    links = [link(a, b) for a, b in itertools.pairwise(ids) if rng.random() < 0.9]
     links += [link(int(a), int(b), kinds[rng.integers(4)]) for a, b in rng.choice(ids, (4, 2))]
     intermediate = frozenset(i for i in ids if rng.random() < 0.1)
     states = [i for i in ids if i not in intermediate and rng.random() < 0.8]

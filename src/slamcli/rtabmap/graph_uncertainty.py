@@ -30,12 +30,12 @@ class WaysFromNode:
     """
 
     def __init__(
-        self, source: int, T_map_base: Mapping[int, Floats], links: Sequence[Link], sigmas: LinkSigmas
+        self, source: int, T_map_base: Mapping[int, Floats], links: Sequence[Link], variances: LinkVariances
     ) -> None:
         self._ids = np.array(sorted(node for node in T_map_base if node > 0), np.int64)
         self._positions = np.array([T_map_base[int(node)][:3, 3] for node in self._ids])
         self._row = {int(node): row for row, node in enumerate(self._ids)}
-        first, second, moved, turned = sigmas.table(links)
+        first, second, moved, turned = variances.table(links)
         a, b = self._rows(first), self._rows(second)
         known = (a >= 0) & (b >= 0)
         a, b, moved, turned = a[known], b[known], moved[known], turned[known]
@@ -78,7 +78,7 @@ class WaysFromNode:
         return np.where(self._ids[places] == ids, places, -1).astype(np.int64)
 
 
-class LinkSigmas:
+class LinkVariances:
     """Variances of links, told once for each of them: links are many, and never change."""
 
     def __init__(self) -> None:

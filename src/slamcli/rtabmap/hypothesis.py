@@ -16,7 +16,7 @@ import numpy as np
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.signature import Signature
+from slamcli.rtabmap.signature import Signature, is_bad
 from slamcli.vision.two_view_models import FUNDAMENTAL_LIMIT, fit_models
 
 
@@ -50,7 +50,7 @@ class LoopDetector:
         """
         likelihood = self._memory.likelihood(signature)
         if likelihood is None:
-            return Hypothesis(reason="no words" if self._memory.is_bad(signature) else "no places in working memory")
+            return Hypothesis(reason="no words" if is_bad(signature) else "no places in working memory")
         node, posterior = self._memory.posterior(likelihood, graph).best
         reason = self._refusal(node, posterior, len(likelihood.ids), signature, graph)
         self._before = posterior

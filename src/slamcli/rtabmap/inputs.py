@@ -231,6 +231,8 @@ def _needed(taken: _Taken) -> dict[str, Any]:
     }
     if taken.cameras is None:
         needed["Kp/MaxFeatures"] = -1
+        # Scans alone close a loop by proximity or not at all, however long it is.
+        needed["RGBD/ProximityMaxGraphDepth"] = 0
     return needed | (_PLANAR if taken.planar else _SWEEPS)
 
 

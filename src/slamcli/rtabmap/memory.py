@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import DataError
 from slamcli.rtabmap.bayes_filter import BayesFilter, Posterior
-from slamcli.rtabmap.dictionary import Dictionary, DictionarySettings
+from slamcli.rtabmap.dictionary import Dictionary, dictionary_settings
 from slamcli.rtabmap.held_places import HeldPlaces
 from slamcli.rtabmap.likelihood import adjusted, similarity, word_bag
 from slamcli.rtabmap.map_graph import MapGraph
@@ -28,7 +28,7 @@ from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.place_links import place_links
 from slamcli.rtabmap.rehearsal import Rehearsal, reduced_to, rehearse
 from slamcli.rtabmap.retrieval import around, local_nodes
-from slamcli.rtabmap.signature import Signature
+from slamcli.rtabmap.signature import Signature, is_bad
 from slamcli.rtabmap.transfer import nodes_to_transfer
 from slamcli.rtabmap.update_cost import UpdateWork, modelled_ms
 from slamcli.vision.features import Features
@@ -60,12 +60,7 @@ class Memory:
             parameters.rgbd,
         )
         self._store = store
-        self.dictionary = Dictionary(
-            DictionarySettings(
-                incremental=parameters.kp.incremental_dictionary, nndr_ratio=parameters.kp.nndr_ratio,
-                new_words_compared_together=parameters.kp.new_words_compared_together, exact=parameters.kp.nn_strategy in (0, 3),
-            )
-        )  # fmt: skip
+        self.dictionary = Dictionary(dictionary_settings(parameters.kp))
         self._reach = len(parameters.bayes.prediction) - 1
         self._filter = BayesFilter(parameters.bayes.prediction, parameters.bayes.virtual_place_prior_thr)
         self._held = HeldPlaces(self.dictionary)
@@ -149,16 +144,12 @@ class Memory:
             return float(self._kp.max_features)
         return sum(bag.total for bag in self._held.bags.values()) / max(1, len(self._held.bags))
 
-    def is_bad(self, signature: Signature) -> bool:
-        """Return whether a node has no words: it is no place that could be known again."""
-        return not (signature.word_ids > 0).any()
-
     # --- rehearsal -------------------------------------------------------------------------------------------------
 
     def rehearse(self, signature: Signature) -> bool:
         """Take what is seen while the robot stands; return whether it is the last place again, whose weight grows then."""
         last = self._last_place()
-        if last is None or not self._mem.incremental_memory or self.is_bad(signature):
+        if last is None or not self._mem.incremental_memory or is_bad(signature):
             return False
         if similarity(word_bag(signature.word_ids), self._held.bags[last]) < self._mem.rehearsal_similarity:
             return False
@@ -189,7 +180,7 @@ class Memory:
         last = self._last_place()
         self._remember(signature, weight=-1 if intermediate else 0)
         found = Rehearsal(similarity=0.0)
-        if last is not None and not intermediate and self._mem.incremental_memory and not self.is_bad(signature):
+        if last is not None and not intermediate and self._mem.incremental_memory and not is_bad(signature):
             found = rehearse(
                 self._held.bags[last], self._held.bags[signature.id], (self._held.weights[last], self._held.weights[signature.id]),
                 threshold=self._mem.rehearsal_similarity, moved=moved, linked=graph.are_linked(last, signature.id),
@@ -260,7 +251,7 @@ class Memory:
     def likelihood(self, signature: Signature) -> Likelihood | None:
         """Return how much the places in working memory look like a node in memory; None if it is bad or there are none."""
         ids = np.array([node for node in self.working if self._held.weights[node] >= 0], np.int64)
-        if not len(ids) or self.is_bad(signature) or signature.id not in self._held.file:
+        if not len(ids) or is_bad(signature) or signature.id not in self._held.file:
             return None
         sums, common = self._held.file.scores(self._held.bags[signature.id], ids)
         scores = sums if self._kp.tf_idf_likelihood_used else common

@@ -246,6 +246,10 @@ class Database:
         """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id."""
         return self._read(feature_rows.read_words)
 
+    def read_words(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """Return those of some words that are there, as `words` does."""
+        return self._read(lambda connection: feature_rows.read_words(connection, ids))
+
     def update_word_ids(self, node_id: int, word_ids: NDArray[np.int64]) -> None:
         """Replace the words of a node's key points (N,), in their order; 0 leaves a key point as it is."""
         given = np.array(word_ids, dtype=np.int64)

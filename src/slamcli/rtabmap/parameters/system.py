@@ -129,11 +129,13 @@ class NodeGroup:
     sync_queue_size: int = _not_here("sync_queue_size", 10, "messages that wait for their partners; here all do")
     topic_queue_size: int = _not_here("topic_queue_size", 10, "messages that wait to be read; here all do")
     wait_for_transform: bool = _not_here("wait_for_transform", True, "wait for transforms; here all are known")
-    wait_for_transform_duration: float = _not_here("wait_for_transform_duration", 0.2, "how long; here all are known")
+    wait_for_transform_duration: float = _not_here(
+        "wait_for_transform_duration", 0.2, "how long the node waits for a transform; here all are known"
+    )
     database_path: str = _not_here("database_path", "", "the database: --database names it")
-    publish_tf: bool = _not_here("publish_tf", True, "broadcast where the odometry's frame is")
-    tf_delay: float = _not_here("tf_delay", 0.05, "how often, in seconds")
-    tf_tolerance: float = _not_here("tf_tolerance", 0.1, "for how long, in seconds")
+    publish_tf: bool = _not_here("publish_tf", True, "broadcast where the odometry's frame is in the map")
+    tf_delay: float = _not_here("tf_delay", 0.05, "period of that broadcast, seconds")
+    tf_tolerance: float = _not_here("tf_tolerance", 0.1, "how far it is dated into the future, seconds")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
