@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,11 @@ from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_rate import motion_size
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.registration import Registration
-from slamcli.rtabmap.signature import Signature
+from slamcli.rtabmap.registration import Registration, refused
+from slamcli.rtabmap.scan_proximity import ScanProximity
+from slamcli.rtabmap.scan_registration import refined_by_scans, refined_motion
+from slamcli.rtabmap.scan_settings import ScanSettings
+from slamcli.rtabmap.signature import NodeScan, Signature
 from slamcli.rtabmap.visual_proximity import visual_proximity, visual_proximity_in_time
 from slamcli.rtabmap.visual_registration import register_best, register_visual
 from slamcli.rtabmap.visual_settings import visual_settings
@@ -68,6 +71,8 @@ class Closing:
         self._settings = visual_settings(parameters.vis, parameters.reg)
         optimizer, gtsam = parameters.optimizer, parameters.gtsam
         self._optimiser = GraphOptimiser(graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof))
+        self._scan_settings = ScanSettings.of(parameters)
+        self._scan_proximity = ScanProximity(parameters)
         self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust)
         self.records: list[ClosureRecord] = []
         """Places that were compared, with what came of it."""
@@ -107,19 +112,23 @@ class Closing:
         if not known:
             return []
         old_id, found = register_best(known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed)
+        found = self._by_scans_too(found, self._memory.signature(old_id), node)
         proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
         return [] if proposal is None else [proposal]
 
     def by_place(self, node: Signature, graph: MapGraph) -> list[Proposal]:
-        """Return the closures with places near by, in space and in time."""
-        if self._camera is None:
-            return []
+        """Return the closures with places near by, in space and in time, by looks and by scans."""
+        found = self._near_by_looks(node, graph) if self._camera is not None else []
+        tied = {proposal.link.from_id for proposal in found}
+        if node.scan is not None:
+            found += [proposal for proposal in self._near_by_scans(node, graph) if proposal.link.from_id not in tied]
+        return found
+
+    def _near_by_looks(self, node: Signature, graph: MapGraph) -> list[Proposal]:
         rgbd, memory = self._parameters.rgbd, self._memory
-        short_term = [
-            found for found in map(memory.signature, memory.short_term) if found is not None and found.id != node.id
-        ]
+        held = (memory.signature(node_id) for node_id in memory.short_term if node_id != node.id)
         matches = [
-            *visual_proximity_in_time(node, graph.links, short_term, self._register, rgbd),
+            *visual_proximity_in_time(node, graph.links, [old for old in held if old is not None], self._register, rgbd),
             *visual_proximity(
                 node, graph.T_map_base, graph.links, memory.signature, self._register, rgbd,
                 among=memory.working, last_closure=memory.last_closure,
@@ -127,6 +136,26 @@ class Closing:
         ]  # fmt: skip
         found = (self._proposal(match.near_id, node, match.kind, match.registration) for match in matches)
         return [proposal for proposal in found if proposal is not None]
+
+    def _near_by_scans(self, node: Signature, graph: MapGraph) -> list[Proposal]:
+        memory = self._memory
+        matches = self._scan_proximity.links(
+            node.id, graph, self._scan_of, among=memory.working, last_closure=memory.last_closure
+        )
+        found = (
+            self._proposal(match.near_id, node, match.kind, match.registration, by_scans=True) for match in matches
+        )
+        return [proposal for proposal in found if proposal is not None]
+
+    def _scan_of(self, node_id: int) -> NodeScan | None:
+        held = self._memory.signature(node_id)
+        return None if held is None else held.scan
+
+    def _by_scans_too(self, found: Registration, old: Signature | None, new: Signature) -> Registration:
+        """Return what looks tell as scans correct it, where Reg/Strategy asks for that."""
+        if self._parameters.reg.strategy == 0 or old is None:
+            return found
+        return refined_by_scans(found, old.scan, new.scan, self._scan_settings)
 
     def in_the_end(self, graph: MapGraph, node_ids: list[int]) -> Iterator[list[Proposal]]:
         """Yield, node by node, closures with nodes near it in the finished map that no link ties to it yet."""
@@ -138,7 +167,7 @@ class Closing:
             for other_id in _near_in_map(graph, node_id):
                 other = self._memory.recall(other_id)
                 guess = se3.inverse(graph.T_map_base[other_id]) @ graph.T_map_base[node_id]
-                registration = self._register(other, node, guess)
+                registration = self._by_scans_too(self._register(other, node, guess), other, node)
                 proposal = self._proposal(other_id, node, LinkKind.LOCAL_SPACE_CLOSURE, registration)
                 if proposal is not None:
                     found.append(proposal)
@@ -147,17 +176,32 @@ class Closing:
 
     def refined(self, link: Link, old: Signature, new: Signature) -> Link:
         """Return a link between neighbours, measured anew if RGBD/NeighborLinkRefining asks for it and it can be."""
-        return link
+        rgbd, scans = self._parameters.rgbd, (old.scan, new.scan)
+        if not rgbd.neighbor_link_refining or self._parameters.slamcli.odometry != "recording":
+            return link  # what odometry matched itself is not matched again
+        covariance = np.asarray(np.linalg.inv(link.information), dtype=np.float64)
+        if self._parameters.reg.strategy > 0:
+            motion, spread = refined_motion(scans, link.T_from_to, covariance, self._scan_settings)
+            return replace(link, T_from_to=motion, information=information_of(spread))
+        found = refused("no camera") if self._camera is None else self._register(old, new, link.T_from_to)
+        if found.T_a_b is None:
+            return link
+        return replace(link, T_from_to=found.T_a_b, information=information_of(found.covariance))
 
     def _register(self, old: Signature, new: Signature, guess: Floats | None) -> Registration:
         if self._camera is None:
             raise ValueError("places without cameras are not compared by features")
-        return register_visual(
-            old, new, self._camera, self.T_base_camera, self._settings, seed=self._seed, guess=guess
-        )
+        return register_visual(old, new, self._camera, self.T_base_camera, self._settings, seed=self._seed, guess=guess)
 
     def _proposal(
-        self, old_id: int, node: Signature, kind: LinkKind, found: Registration, posterior: float = 0.0
+        self,
+        old_id: int,
+        node: Signature,
+        kind: LinkKind,
+        found: Registration,
+        posterior: float = 0.0,
+        *,
+        by_scans: bool = False,
     ) -> Proposal | None:
         """Return a closure that can be proposed; what failed is noted."""
         if found.T_a_b is None:
@@ -168,13 +212,14 @@ class Closing:
             stamp_ns=node.stamp_ns,
             registration=found,
             posterior=posterior,
+            by_scans=by_scans,
         )
 
 
 def information_of(covariance: Floats) -> Floats:
     """Return the inverse of a covariance (6, 6) of a motion; what is known better than 0.1 mm and 0.01 degree is not."""
     floor = np.diag([1e-8, 1e-8, 1e-8, 3e-8, 3e-8, 3e-8])
-    information: Floats = np.linalg.inv(covariance + floor)
+    information = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
     return 0.5 * (information + information.T)
 
 

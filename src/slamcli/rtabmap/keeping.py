@@ -57,7 +57,12 @@ class Keeping:
         self.database.set_local_grid(node_id, grid)
 
     def finish(
-        self, graph: MapGraph, memory: Memory, parameters: RtabmapParameters, ids: Sequence[int], grid: OccupancyGrid | None
+        self,
+        graph: MapGraph,
+        memory: Memory,
+        parameters: RtabmapParameters,
+        ids: Sequence[int],
+        grid: OccupancyGrid | None,
     ) -> None:
         """Write the optimised poses of some nodes, the map, and what the next session begins with; close the file."""
         poses = np.array([graph.T_map_base[node_id] for node_id in ids]).reshape(-1, 4, 4)

@@ -127,7 +127,9 @@ def _turn_upright(session: Session, ids: list[int], setup: Setup) -> str:
         return "base" if known else "database"
     T_map_base = np.array([graph.T_map_base[node_id] for node_id in ids])
     T_base_camera = session.closing.T_base_camera
-    T_up_map, found = find_upright(ids, T_map_base, T_base_camera, partial(_sensors, session.keeping.database), setup.seed)
+    T_up_map, found = find_upright(
+        ids, T_map_base, T_base_camera, partial(_sensors, session.keeping.database), setup.seed
+    )
     graph.place(ids, T_up_map @ T_map_base)
     return found.source
 

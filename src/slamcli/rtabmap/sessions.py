@@ -58,7 +58,14 @@ def restore(database: Database, graph: MapGraph, memory: Memory) -> None:
     for link in links:
         if link.from_id in graph.nodes and (link.to_id in graph.nodes or link.to_id < 0):
             graph.add_link(link)
-    memory.restore(graph, database, weights=dict(zip(nodes.ids.tolist(), nodes.weights.tolist(), strict=True)))
+    words, _ = database.words()
+    kept = {
+        node_id: int(weight)
+        for node_id, weight in zip(nodes.ids.tolist(), nodes.weights.tolist(), strict=True)
+        if node_id in graph.nodes
+    }
+    working = [node_id for node_id in database.last_working_ids().tolist() if node_id in graph.nodes]
+    memory.restore(kept, working or list(graph.nodes), last_word=int(words.max(initial=0)))
 
 
 def storage_settings(parameters: RtabmapParameters) -> StorageSettings:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from slamcli.mapper import Setup
 from slamcli.measurements import Image, LaserScan, Measurement, Odometry, PointCloud, RgbdFrame, StereoPair
 from slamcli.rtabmap.feature_extraction import FeatureExtractor
 from slamcli.rtabmap.given_odometry import GivenOdometry, motion_covariance
+from slamcli.rtabmap.guided_odometry import GuidedOdometry
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import OdometryStep
 from slamcli.rtabmap.node_scans import node_scan
@@ -32,6 +33,8 @@ Floats = NDArray[np.float64]
 
 _AHEAD = 4
 """Frames whose features are found before the oldest one is taken."""
+_LOST_UNTIL_ANEW = 3
+"""Frames in a row that show nothing known before the local map begins anew where the wheels say the robot is."""
 _LATEST_SCAN_NS = 200_000_000
 """A scan farther in time from an image than this is of another place."""
 
@@ -48,11 +51,17 @@ class VisualFront:
         self._setup = setup
         self._workers = ThreadPoolExecutor(1) if setup.jobs > 1 else None
         self._waiting: deque[_Waiting] = deque()
-        own_odometry = parameters.slamcli.odometry != "recording"
         flat = parameters.reg.force_3dof and parameters.rgbd.force_odom_3dof
-        self._given = None if own_odometry else GivenOdometry(planar=flat)
+        self._given = GivenOdometry(planar=flat)
+        """Of the recording: all there is, or a guide for visual odometry; empty where there is none."""
         tracking = odometry_settings(parameters, self._extractor.settings.scales, setup.seed)
-        self._visual = VisualOdometry(tracking, self.camera, self.preparation.T_base_camera) if own_odometry else None
+        self._asks_wheels = parameters.slamcli.odometry in ("recording", "guided")
+        if (
+            parameters.slamcli.odometry == "guided" and tracking.reset_countdown == 0
+        ):  # wheels know where a new local map begins
+            tracking = replace(tracking, reset_countdown=_LOST_UNTIL_ANEW)
+        visual = VisualOdometry(tracking, self.camera, self.preparation.T_base_camera)
+        self._visual = None if parameters.slamcli.odometry == "recording" else GuidedOdometry(visual, self._given)
         self._last: Floats | None = None
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
 
@@ -65,7 +74,7 @@ class VisualFront:
         """Take the next measurement; yield the frames that are ready."""
         if isinstance(measurement, (StereoPair, RgbdFrame, Image)):
             self._waiting.append(_Waiting(measurement.stamp_ns, self._submit(measurement)))
-        elif isinstance(measurement, Odometry) and self._given is not None:
+        elif isinstance(measurement, Odometry) and self._asks_wheels:
             self._given.add(measurement)
         elif isinstance(measurement, (LaserScan, PointCloud)) and self._scans is not None:
             mount = self._setup.T_base_laser[measurement.topic]
@@ -115,7 +124,7 @@ class VisualFront:
 
     def _ready(self, stamp_ns: int) -> bool:
         """Return whether a frame can be handed out: enough are looked at ahead, and nothing that belongs to it is yet to come."""
-        if self._given is not None and not self._given.covers(stamp_ns):
+        if self._asks_wheels and not self._given.covers(stamp_ns):
             return False
         if self._scans is not None and not (self._scans and self._scans[-1][0] >= stamp_ns):
             return False
@@ -129,10 +138,10 @@ class VisualFront:
     def _own_step(self, stamp_ns: int, seen: _Seen) -> OdometryStep:
         if self._visual is None:
             raise UsageError("rtabmap: no visual odometry runs here")
-        return self._visual.step(stamp_ns, seen.features, None)
+        return self._visual.step(stamp_ns, seen.features)
 
     def _given_step(self, stamp_ns: int) -> OdometryStep:
-        pose = None if self._given is None else self._given.at(stamp_ns)
+        pose = self._given.at(stamp_ns)
         if pose is None:
             return OdometryStep(stamp_ns=stamp_ns, T_odom_base=None, covariance=np.zeros((6, 6)))
         motion = np.eye(4) if self._last is None else se3.inverse(self._last) @ pose
@@ -148,8 +157,7 @@ class VisualFront:
         taken_ns, scan = min(list(self._scans)[:2], key=lambda entry: abs(entry[0] - stamp_ns))
         if abs(taken_ns - stamp_ns) > _LATEST_SCAN_NS:
             return None
-        then = None if self._given is None else self._given.at(taken_ns)
-        now = None if self._given is None else self._given.at(stamp_ns)
+        then, now = self._given.at(taken_ns), self._given.at(stamp_ns)
         return scan if then is None or now is None else scan.moved(se3.inverse(now) @ then)
 
 
