@@ -18,6 +18,7 @@ from slamcli.rtabmap.database.blobs import unpack_pose
 from slamcli.rtabmap.database.calibration_blobs import unpack_cameras
 from slamcli.rtabmap.database.cell_blobs import pack_cells, unpack_cells
 from slamcli.rtabmap.database.connection import Mode, OpenFile, open_file, sqlite_errors
+from slamcli.rtabmap.database.counting import Counts, read_counts
 from slamcli.rtabmap.database.records import (
     GeoFix,
     NodeStatistics,
@@ -276,6 +277,10 @@ class Database:
             summary_rows.set_entered(connection, working, self._file.clock.now)
 
         self._write(insert)
+
+    def counts(self) -> Counts:
+        """Return how much it holds."""
+        return self._read(read_counts)
 
     def parameters(self) -> dict[str, str]:
         """Return native names and values of the last session."""
