@@ -12,7 +12,7 @@ import pytest
 from slamcli.cli.main import run
 from slamcli.errors import UsageError
 from slamcli.measurements import Image
-from slamcli.pipelines.map import MapRequest
+from slamcli.pipelines.map_request import MapRequest
 from slamcli.recordings import create_recording
 from slamcli.runtime import RunLog
 

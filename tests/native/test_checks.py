@@ -9,6 +9,7 @@ from slamcli.cartographer import CartographerParameters
 from slamcli.native.checks.files import check_file
 from slamcli.native.ros_parameters.declare import row
 from slamcli.parameters import declarations
+from slamcli.rtabmap.parameters import RtabmapParameters
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 GMAPPING = (
@@ -26,7 +27,11 @@ GMAPPING = (
     row("xmax", 100.0, ""),
 )
 
-TABLES = {"gmapping": GMAPPING, "cartographer": declarations(CartographerParameters)}
+TABLES = {
+    "gmapping": GMAPPING,
+    "cartographer": declarations(CartographerParameters),
+    "rtabmap": declarations(RtabmapParameters),
+}
 
 
 def findings(path: Path, beams: int | None = None) -> list[tuple[str, int, str]]:
@@ -171,7 +176,7 @@ def test_map_yaml(tmp_path):
     [
         ("x.launch", "<launch>\n<nod/></launch>", 2, "is not a launch element"),
         ("x.yaml", "a: [1\nb: 2", 2, "not YAML"),
-        ("x.txt", "", 0, "launch files (.launch, .xml), .yaml and .lua are checked"),
+        ("x.txt", "", 0, "launch files (.launch, .xml), .yaml, .lua and .ini are checked"),
         ("missing.yaml", None, 0, "no such file"),
     ],
 )

@@ -23,6 +23,7 @@ from slamcli.registration.laser_odometry import LaserOdometry, tells_sweep
 from slamcli.registration.scan_odometry import ScanStep
 from slamcli.registration.voxel_filter import adaptive_voxel_filter
 from slamcli.trajectory.clocks import align_clocks
+from slamcli.trajectory.odometry_jumps import without_jumps
 from slamcli.trajectory.wheel_calibration import WheelCalibration
 from slamcli.trajectory.wheel_odometry import WheelOdometry, smooth_stamps
 
@@ -30,7 +31,6 @@ _TANGENT = 0.0
 """Share of what points tell along a surface that is believed: they should glide along walls, not rest on single cells."""
 _POOR_QUALITY = 0.5
 _LONGEST_OFFSET_S = 4e9
-_MAX_SPEED_M_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -184,7 +184,7 @@ class ScanSequence:
             return smooth_stamps(scans), None
         odometry = np.array([sample.stamp_ns for sample in self._odometry], dtype=np.int64)
         poses = np.array([sample.pose_se2 for sample in self._odometry])
-        poses = _without_jumps(odometry, poses, self._setup)
+        poses = without_jumps(odometry, poses, log)
         stamps, wheels, by_order = align_clocks(scans, odometry, np.array(self._places), poses)
         if by_order:
             log.note(
@@ -225,19 +225,3 @@ def _slack(motions: NDArray[np.float64], steps: list[ScanStep]) -> NDArray[np.fl
     poor = np.array([step.quality < _POOR_QUALITY for step in steps])
     way = np.hypot(motions[:, 0], motions[:, 1]) + np.abs(motions[:, 2])
     return np.where(poor, 0.02 + 0.2 * way, 0.0)
-
-
-def _without_jumps(stamps_ns: NDArray[np.int64], poses: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
-    """Return odometry (N, 3) from which steps that no robot makes are taken out: a reset, or a correction from outside."""
-    steps = se2.between(poses[:-1], poses[1:])
-    seconds = np.maximum(np.abs(np.diff(stamps_ns)) / 1e9, 0.05)
-    jumps = np.flatnonzero(np.hypot(steps[:, 0], steps[:, 1]) > np.maximum(_MAX_SPEED_M_S * seconds, 1.0))
-    if len(jumps) == 0:
-        return poses
-    setup.log.warn(
-        f"the odometry jumps {len(jumps)} times, first by {float(np.hypot(*steps[jumps[0], :2])):.1f} m at {stamps_ns[jumps[0] + 1] / 1e9:.3f} s: "
-        "these steps are left out"
-    )
-    setup.log.counts["jumps of the odometry"] += len(jumps)
-    steps[jumps] = 0.0
-    return se2.integrate(poses[0], steps)

@@ -24,7 +24,7 @@ _OPTIONS = (
         help="Where the maps go besides atlas.npz in the folder.",
     ),
     click.option(
-        "--localise-only", is_flag=True, help="Find the frames in the maps of --load-atlas and leave those as they are."
+        "--localise-only", is_flag=True, help="Find the frames in the maps of --load-atlas or --database and leave those as they are."
     ),
 )  # fmt: skip
 _NAMES = ("vocabulary", "load_atlas", "save_atlas", "localise_only")

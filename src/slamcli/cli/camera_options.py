@@ -35,5 +35,5 @@ def camera_options(function: Callable[..., Any]) -> Callable[..., Any]:
     )(with_cameras)  # fmt: skip
     for role, text in reversed(_TOPICS.items()):
         option = f"--{role.replace('_', '-')}-topic"
-        decorated = click.option(option, metavar="TOPIC", help=f"{text} (orbslam3)")(decorated)
+        decorated = click.option(option, metavar="TOPIC", help=f"{text} (orbslam3, rtabmap)")(decorated)
     return decorated

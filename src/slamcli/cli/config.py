@@ -35,15 +35,16 @@ def command() -> None:
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Native file of the system (launch, YAML, Lua); may be given several times, later ones win.",
+    help="Native file of the system (launch, YAML, Lua, .ini); may be given several times, later ones win.",
 )
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="One parameter under its native name.")
 @click.option("--arg", "arguments", multiple=True, metavar="NAME=VALUE", help="Value for an argument of a launch file.")
 @click.option("--changed", is_flag=True, help="Only parameters that were given.")
+@click.option("--ini", "as_ini", is_flag=True, help="Print an .ini file that RTAB-Map's own tools read (rtabmap only).")
 @json_option
 def show_command(
-    algo: str, files: Sequence[Path], sets: Sequence[str], arguments: Sequence[str], changed: bool, as_json: bool
-) -> int:
+    algo: str, files: Sequence[Path], sets: Sequence[str], arguments: Sequence[str], changed: bool, as_ini: bool, as_json: bool,
+) -> int:  # fmt: skip
     """Print every parameter with its value, unit, range, default and source.
 
     Values come from the defaults, over them the files in their order, over them --set. An asterisk marks what differs
@@ -52,12 +53,18 @@ def show_command(
     from slamcli.pipelines.config_show import show
     from slamcli.runtime import RunLog
 
+    if as_ini and (algo != "rtabmap" or as_json):
+        raise click.UsageError("--ini prints the file format of rtabmap: with --algo rtabmap, without --json")
     log = RunLog()
     shown = show(algo, files, sets, log, _launch_arguments(arguments))
     rows = [row for row in shown.parameters if row.source != "default" or not changed]
     with Console() as console:
         console.tell(log)
-    if as_json:
+    if as_ini:
+        from slamcli.native.rtabmap_ini import format_rtabmap_ini
+
+        click.echo(format_rtabmap_ini({row.declaration.name: row.value for row in rows}), nl=False)
+    elif as_json:
         print_json(
             {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(shown.remaps)},
         )
@@ -72,7 +79,7 @@ def show_command(
 @click.option("--strict", is_flag=True, help="Exit with 1 for warnings as well.")
 @json_option
 def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_json: bool) -> int:
-    """Say what is wrong with native files: launch files, ROS parameter YAML, map YAML, Cartographer's Lua.
+    """Say what is wrong with native files: launch files, ROS parameter YAML, map YAML, Lua, .ini of RTAB-Map.
 
     An error is what the real system refuses or ignores: an unknown name, a wrong type, a value out of range. A warning
     is a value that does not do what it seems to. Exits with 1 if there is an error.

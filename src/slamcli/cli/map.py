@@ -14,6 +14,7 @@ from slamcli.cli import kernel_cache
 from slamcli.cli.atlas_options import atlas_options, atlas_words
 from slamcli.cli.camera_options import camera_options
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.database_options import database_options, database_words
 from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
 from slamcli.cli.recording_options import given_mends, recording_options
 from slamcli.runtime import RunLog
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 _CHOICES = {
     "map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb", "dense": "none", "dense_voxel": 0.02, "dense_range": 5.0,
+    "octomap": False,
 }  # fmt: skip
 """Options that say how files are written, with their defaults."""
 _KERNELS = {"orbslam3": ("vision", "up to a minute")}
@@ -48,7 +50,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     "config_files",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Native file of the system (launch, YAML, Lua); later wins.",
+    help="Native file of the system (launch, YAML, Lua, .ini); later wins.",
 )
 @click.option(
     "--set",
@@ -63,19 +65,19 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     "scan_topics",
     multiple=True,
     metavar="TOPIC",
-    help="Laser scans; several times for several scanners (cartographer).",
+    help="Laser scans; several times for several scanners (cartographer); `none` leaves them out.",
 )
 @click.option(
     "--points-topic",
     "points_topics",
     multiple=True,
     metavar="TOPIC",
-    help="Point clouds, instead of or beside scans (cartographer); several times for several sensors.",
+    help="Point clouds, instead of or beside scans (cartographer, rtabmap); several times for several sensors; `none` leaves them out.",
 )
 @click.option(
     "--odom-topic", metavar="TOPIC", help="Odometry; `tf` takes it from the transforms, `none` leaves it out."
 )
-@click.option("--imu-topic", metavar="TOPIC", help="IMU (cartographer, orbslam3); `none` leaves it out.")
+@click.option("--imu-topic", metavar="TOPIC", help="IMU (cartographer, orbslam3, rtabmap); `none` leaves it out.")
 @click.option(
     "--fix-topic", metavar="TOPIC", help="GPS fixes, or poses in a fixed frame (cartographer); `none` leaves them out."
 )
@@ -85,7 +87,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 @click.option(
     "--mode",
     metavar="MODE",
-    help="How the system runs, where it can run in several ways: 2d or 3d (cartographer); mono, stereo, rgbd, or one of them with -inertial (orbslam3).",
+    help="How the system runs, where it can run in several ways: 2d or 3d (cartographer); mono, stereo, rgbd, or one of them with -inertial (orbslam3); rgbd, stereo or scan (rtabmap).",
 )
 @click.option(
     "--load-state", "load_states", multiple=True, metavar="FILE", type=click.Path(path_type=Path),
@@ -126,8 +128,8 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     help="By what its points are coloured: what the cameras saw (height where none did), or one of the others.",
 )
 @click.option(
-    "--dense", type=click.Choice(["none", "cloud", "mesh"]), default=_CHOICES["dense"], show_default=True,
-    help="Also write dense.ply from the depth images of keyframes: a coloured cloud, or a mesh (RGB-D).",
+    "--dense", type=click.Choice(["none", "cloud", "mesh", "texture"]), default=_CHOICES["dense"], show_default=True,
+    help="Also write dense.ply from the depth images of keyframes: a coloured cloud, or a mesh (RGB-D); or dense.obj, a mesh with the images on it.",
 )  # fmt: skip
 @click.option(
     "--dense-voxel", type=click.FloatRange(0.001, 1.0), default=_CHOICES["dense_voxel"], show_default=True, metavar="METRES",
@@ -138,12 +140,16 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     help="Depths beyond are left out of it.",
 )  # fmt: skip
 @click.option(
+    "--octomap", is_flag=True, help="Also write octomap.bt and .ot, free and occupied space (--algo rtabmap)."
+)
+@click.option(
     "--truth",
     metavar="TRAJECTORY",
     help="True trajectory (file, data-set folder, or BAG:/topic): its errors go into the report.",
 )
 @camera_options
 @atlas_options
+@database_options
 @seed_option
 @jobs_option
 @recording_options
@@ -158,7 +164,7 @@ def command(
     arguments: tuple[str, ...],
     **options: Any,
 ) -> int:
-    """Build a map and a trajectory from the recording BAG (several files: one recording that was split).
+    """Build a map and a trajectory from the recording BAG (several files: one recording that was split; rtabmap: or databases).
 
     \b
     slamcli map --algo gmapping intel.mcap -o intel
@@ -168,13 +174,16 @@ def command(
     slamcli map --algo cartographer --load-state state.pbstream -o drawn
     slamcli map --algo orbslam3 redkitchen --mode rgbd --dense mesh -o kitchen
     slamcli map --algo orbslam3 second.mcap --load-atlas first/atlas.npz --localise-only
+    slamcli map --algo rtabmap second.mcap --database home.db
+    slamcli map --algo rtabmap old.db --set Kp/MaxFeatures=1000
 
     The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan or image), map.png, report.html and run.json;
     of graph-based systems also the graph, of 3D ones the points.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
-    from slamcli.pipelines.map import MapRequest, run_map
+    from slamcli.pipelines.map import run_map
     from slamcli.pipelines.map_outputs import OutputChoices
+    from slamcli.pipelines.map_request import MapRequest
 
     launch_arguments = _pairs(arguments)
     command = _command_line(bag, launch_arguments, options, given_mends(click.get_current_context()))
@@ -239,10 +248,10 @@ def _command_line(
     }  # fmt: skip
     for flag, topic in options["cameras"].named().items():
         words += [flag, topic]
-    words += atlas_words(options["atlas"])
+    words += atlas_words(options["atlas"]) + database_words(options["database"])
     for key, value in options.items():
         if (
-            key in ("algo", "seed", "output", "save_state", "cameras", "atlas")
+            key in ("algo", "seed", "output", "save_state", "cameras", "atlas", "database")
             or value in (None, ())
             or value == _CHOICES.get(key)
         ):

@@ -40,6 +40,8 @@ class NodeGiven:
     remaps: Mapping[str, str] = field(default_factory=dict)
     file: str = ""
     line: int = 0
+    deletes_database: bool = False
+    """Whether its arguments say so."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +64,7 @@ def launched_nodes(launch: Launch) -> tuple[NodeGiven, ...]:
             remaps={name.strip("/"): topic for name, topic in node.remaps.items()},
             file=node.file,
             line=node.line,
+            deletes_database=not _FRESH.isdisjoint(node.args.split()),
         )
         for node in launch.nodes
         if type_of(node)
@@ -99,9 +102,10 @@ def combine(nodes: Sequence[NodeGiven]) -> Combined:
     if mapping and odometry:
         own = odometry[0]
         settings.append(Setting("subscribe_odom", False, own.file, own.line))
-        notes.append(
-            f"{own.file}:{own.line}: {own.type} is started: odometry is computed (--odom-topic takes the recording's)"
-        )
+        by_scans = own.type == "icp_odometry"
+        settings += [Setting("slamcli.odometry", "scan", own.file, own.line)] if by_scans else []
+        way = "computed from scans" if by_scans else "computed (--odom-topic takes the recording's)"
+        notes.append(f"{own.file}:{own.line}: {own.type} is started: odometry is {way}")
     settings += _of_bundled_images(settings)
     remaps = {name: topic for node in (*odometry[:1], *mapping[:1]) for name, topic in node.remaps.items()}
     values = {setting.name: setting.value for setting in settings}

@@ -129,7 +129,9 @@ def check(files: Iterable[Path], beams: int | None = None) -> tuple[Finding, ...
     ConfigError
         If a file does not exist or is not text.
     """
-    tables = {algo: declarations(find_tier(algo).parameters) for algo in ("gmapping", "cartographer", "orbslam3")}
+    tables = {
+        algo: declarations(find_tier(algo).parameters) for algo in ("gmapping", "cartographer", "orbslam3", RTABMAP)
+    }
     files = [find_native(Path(file)) for file in files]
     for file in files:
         read_text(file)  # what cannot be read at all is wrong usage, not a finding

@@ -3,35 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import replace
 
 from slamcli.mapper import Tier
 from slamcli.pipelines.camera_input import CameraFeed
 from slamcli.pipelines.camera_request import check_no_cameras, feed_of, request_of
 from slamcli.pipelines.config import NativeConfig
+from slamcli.pipelines.database_feed import DatabaseFeed
 from slamcli.pipelines.fused_input import FusedFeed, feed_fused
 from slamcli.pipelines.range_input import SensorFeed, feed_sensors
+from slamcli.pipelines.sensor_request import SensorRequest
 from slamcli.recordings import Recording
-from slamcli.recordings.camera_topics import CameraNames
 from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.runtime import RunLog
 
-Feed = SensorFeed | CameraFeed | FusedFeed
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorRequest:
-    """What the user asks for; None or empty: by native files, else found from the recording."""
-
-    names: TopicNames = field(default_factory=TopicNames)
-    cameras: CameraNames = field(default_factory=CameraNames)
-    camera_files: Sequence[Path] = ()
-    """Calibration files of the cameras; later wins."""
-    mode: str | None = None
-    start_s: float | None = None
-    duration_s: float | None = None
+Feed = SensorFeed | CameraFeed | FusedFeed | DatabaseFeed
 
 
 def find_feed(recording: Recording, tier: Tier, config: NativeConfig, asked: SensorRequest, log: RunLog) -> Feed:

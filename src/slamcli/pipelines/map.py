@@ -4,89 +4,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from slamcli.errors import CalibrationError, UsageError
+from slamcli.errors import CalibrationError, InputError, UsageError
 from slamcli.formats.pbstream.writing import write_state
-from slamcli.grids.depth_mesh import Mesh
-from slamcli.mapper import MappingResult, Setup, find_resuming_tier, find_tier
-from slamcli.measurements import PointCloud
+from slamcli.mapper import DatabaseChoice, MappingResult, Setup, Tier, find_resuming_tier, find_tier
 from slamcli.outputs import atomic_directory, check_directory, check_file
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.camera_request import depth_unit
 from slamcli.pipelines.config import NativeConfig, load_native
-from slamcli.pipelines.dense import check_dense, dense_model
+from slamcli.pipelines.database_input import are_databases, open_databases
+from slamcli.pipelines.databases import put_into, remove_running
+from slamcli.pipelines.dense import DenseModel, check_dense, dense_model, is_empty, model_of_views
 from slamcli.pipelines.evaluate import score_trajectory
-from slamcli.pipelines.feeds import Feed, SensorRequest, find_feed
-from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, write_records, write_result
+from slamcli.pipelines.feeds import Feed, find_feed
+from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
+from slamcli.pipelines.map_request import MapRequest
 from slamcli.pipelines.run_record import describe_inputs, run_document
 from slamcli.pipelines.saved_state import check_dimensions, load_states, result_of
 from slamcli.pipelines.trajectories import load_trajectory
-from slamcli.pipelines.visual_places import AtlasChoices
 from slamcli.posegraph import MapState
-from slamcli.recordings import Mends, Recording, open_recording
-from slamcli.recordings.camera_topics import CameraNames
-from slamcli.recordings.sensor_picks import TopicNames
+from slamcli.recordings import Recording, open_recording
 from slamcli.runtime import RunLog
 from slamcli.vision.vocabulary import Vocabulary
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapRequest:
-    """What to map, and how; None means "found from the recording"."""
-
-    algo: str
-    inputs: Sequence[Path]
-    output: Path | None = None
-    """Folder for the result; default: the recording's name with ``-maps`` beside the recording."""
-    config_files: Sequence[Path] = ()
-    sets: Sequence[str] = ()
-    """``KEY=VALUE`` with native keys."""
-    launch_arguments: Mapping[str, str] = field(default_factory=dict)
-    scan_topics: Sequence[str] = ()
-    points_topics: Sequence[str] = ()
-    odom_topic: str | None = None
-    """A topic, ``tf`` or ``none``."""
-    imu_topic: str | None = None
-    """A topic or ``none``, as of the next two."""
-    fix_topic: str | None = None
-    landmark_topic: str | None = None
-    mode: str | None = None
-    """One of the tier's modes: ``2d`` or ``3d`` of cartographer, ``mono`` to ``rgbd-inertial`` of orbslam3."""
-    cameras: CameraNames = field(default_factory=CameraNames)
-    """Image topics, for tiers that see."""
-    camera_files: Sequence[Path] = ()
-    """Calibration files of the cameras (``--camera``); later wins."""
-    base_frame: str | None = None
-    odom_frame: str | None = None
-    map_frame: str | None = None
-    start_s: float | None = None
-    duration_s: float | None = None
-    seed: int = 0
-    jobs: int = 1
-    choices: OutputChoices = field(default_factory=OutputChoices)
-    truth: str | None = None
-    """True trajectory to score against: a file, or a topic of a recording."""
-    mends: Mends = field(default_factory=Mends)
-    load_states: Sequence[Path] = ()
-    """Saved states to go on from; without a recording, what to draw."""
-    load_frozen_states: Sequence[Path] = ()
-    """Saved states that must not change: to localise in."""
-    save_state: Path | None = None
-    """Where else the state goes; it always lies in the folder, as ``state.pbstream``."""
-    atlas: AtlasChoices = field(default_factory=AtlasChoices)
-    """Maps to go on from and words to know places by, for tiers that see."""
-    command: str = ""
-    """The command line that asks for this, for ``run.json``."""
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Everything that is read: the recording, the states, the atlas."""
-        return (*self.inputs, *self.load_states, *self.load_frozen_states, *self.atlas.files)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +53,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         If the recording, a parameter or an option is wrong; nothing is written then.
     """
     began = time.perf_counter()
-    if not request.files:
+    if not request.inputs and not request.load_states and not request.load_frozen_states and not request.atlas.files:
         raise UsageError("nothing to map: name a recording, or a state with --load-state")
     for option, value in (
         ("--load-state", [*request.load_states, *request.load_frozen_states]),
@@ -116,9 +61,13 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     ):
         if value:
             find_resuming_tier(request.algo, option)
-    request.atlas.check(find_tier(request.algo))
+    tier = find_tier(request.algo)
+    request.atlas.check(tier)
+    if request.choices.octomap and not tier.remembers:
+        raise UsageError("--octomap: octrees are made by systems that keep what their sensors saw (--algo rtabmap)")
+    output = request.output or default_output(request.inputs or request.files)
+    request.database.check(tier, request.inputs, output, localise_only=request.atlas.localise_only)
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
-    output = request.output or default_output(request.files)
     check_directory(output)
     if request.save_state is not None:
         check_file(request.save_state)
@@ -127,7 +76,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         digests = background.submit(describe_inputs, request.files) if all(p.exists() for p in request.files) else None
         state = load_states(request.load_states, request.load_frozen_states, log)
         if request.inputs or state is None:
-            run = _from_recording(request, config, state, log)
+            run = _from_recording(request, config, state, output, log)
         else:
             run = _from_state(request, config, state, log)
         inputs = digests.result() if digests is not None else []
@@ -136,13 +85,17 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     with atomic_directory(output) as folder:
         with log.stage("write"):
             written = write_result(folder, result, score=score, choices=request.choices, log=log, dense=run.dense)
+            moved = put_into(folder, result, run.database)
         document = run_document(
             command=request.command, algo=request.algo, parameters=as_dict(run.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=run.topics, frames=run.frames, log=log, total_s=time.perf_counter() - began,
-            duration_s=run.duration_s, summary=summarise(result, score), outputs=(*written.names, *RECORDS),
+            duration_s=run.duration_s, summary=summarise(result, score),
+            outputs=(*written.names, *moved, *RECORDS),
         )  # fmt: skip
         declared = declarations(type(config.parameters))
         document = write_records(folder, document, result, written, score=score, declared=declared)
+    if moved:
+        remove_running(run.database)
     if request.save_state is not None and result.state is not None:
         write_state(request.save_state, result.state)
     request.atlas.write_atlas(result)
@@ -158,33 +111,75 @@ class _Run:
     topics: Mapping[str, Any]
     frames: Mapping[str, Any]
     duration_s: float
-    dense: PointCloud | Mesh | None = None
+    dense: DenseModel | None = None
+    database: DatabaseChoice | None = None
 
 
-def _from_recording(request: MapRequest, config: NativeConfig, state: MapState | None, log: RunLog) -> _Run:
+def _from_recording(
+    request: MapRequest, config: NativeConfig, state: MapState | None, output: Path, log: RunLog
+) -> _Run:
     """Map the recording, from the state on if there is one."""
     tier = find_tier(request.algo)
+    with _opened(request, config, tier, log) as feed:
+        check_dense(request.choices.of_dense, feed.cameras, remembered=tier.remembers)
+        check_dimensions(state, spatial=feed.plan.spatial)
+        setup = _setup(request, feed, state, log)
+        database = request.database.begin(output, log) if tier.remembers else None
+        result = _mapped(feed, tier, replace(setup, database=database), log)
+        dense = _dense(request, feed, result, log)
+    return _Run(
+        result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=feed.length_s,
+        dense=dense, database=database,
+    )  # fmt: skip
+
+
+def _dense(request: MapRequest, feed: Feed, result: MappingResult, log: RunLog) -> DenseModel | None:
+    """Return the dense model that is asked for; say why where there is none."""
+    choices, frame = request.choices.of_dense, result.trajectory.frame_id
+    if request.choices.octomap and result.octree is None:
+        log.warn("--octomap: nothing was seen that has a height, so there is no octree")
+    if choices.kind == "none":
+        return None
+    with log.stage("dense"):
+        if result.views is not None:
+            model: DenseModel = model_of_views(result.views, choices, frame, int(result.trajectory.stamps_ns[0]))
+        elif feed.cameras is not None and result.keyframes is not None:
+            model = dense_model(feed.cameras, result.keyframes, choices, frame, log)
+        else:
+            log.warn(f"--dense {choices.kind}: the nodes have no depth images, so there is no dense model")
+            return None
+    if is_empty(model):
+        log.warn(f"--dense {choices.kind}: no depth lies within --dense-range {choices.range_m:g} m")
+        return None
+    return model
+
+
+@contextmanager
+def _opened(request: MapRequest, config: NativeConfig, tier: Tier, log: RunLog) -> Iterator[Feed]:
+    """Open the recording, or the databases that stand for one."""
+    if tier.remembers and are_databases(request.inputs):
+        with open_databases(request.inputs, tier, config, request.sensors, log) as feed:
+            yield feed
+        return
     with open_recording(request.inputs, mends=depth_unit(request.mends, config), log=log) as recording:
         _check_frame(request.base_frame, recording)
-        feed = find_feed(recording, tier, config, _asked(request), log)
-        check_dense(request.choices.of_dense, feed.cameras)
-        check_dimensions(state, spatial=feed.plan.spatial)
-        mapper = tier.build(feed.plan.parameters, _setup(request, feed, state, log))
+        yield find_feed(recording, tier, config, request.sensors, log)
+
+
+def _mapped(feed: Feed, tier: Tier, setup: Setup, log: RunLog) -> MappingResult:
+    """Return what the tier makes of the measurements; a database into which nothing went is removed if it fails."""
+    num = 0
+    try:
+        mapper = tier.build(feed.plan.parameters, setup)
         with log.stage("read"):
             for measurement in feed.measurements():
+                num += 1
                 mapper.process(measurement)
-        duration_s = feed.length_s
-        result = mapper.finish()
-        dense = None
-        if feed.cameras is not None and request.choices.dense != "none" and result.keyframes is not None:
-            with log.stage("dense"):
-                dense = dense_model(
-                    feed.cameras, result.keyframes, request.choices.of_dense, result.trajectory.frame_id, log
-                )
-    return _Run(
-        result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=duration_s,
-        dense=dense,
-    )  # fmt: skip
+        return mapper.finish()
+    except InputError:
+        if num == 0:
+            remove_running(setup.database)
+        raise
 
 
 def _from_state(request: MapRequest, config: NativeConfig, state: MapState, log: RunLog) -> _Run:
@@ -250,22 +245,11 @@ def _setup(request: MapRequest, feed: Feed, state: MapState | None, log: RunLog)
         state=state,
         atlas=request.atlas.read_atlas(log),
         localise_only=request.atlas.localise_only,
+        octree=request.choices.octomap,
         vocabulary=_vocabulary(request, feed, log),
         no_return=request.mends.no_return,
         log=log,
     )
-
-
-def _asked(request: MapRequest) -> SensorRequest:
-    names = TopicNames(
-        scans=tuple(request.scan_topics), points=tuple(request.points_topics), odometry=request.odom_topic,
-        imu=request.imu_topic, fixes=request.fix_topic, landmarks=request.landmark_topic, base_frame=request.base_frame,
-        odom_frame=request.odom_frame,
-    )  # fmt: skip
-    return SensorRequest(
-        names=names, cameras=request.cameras, camera_files=request.camera_files, mode=request.mode,
-        start_s=request.start_s, duration_s=request.duration_s,
-    )  # fmt: skip
 
 
 def _vocabulary(request: MapRequest, feed: Feed, log: RunLog) -> Vocabulary | None:

@@ -49,11 +49,13 @@ class AtlasChoices:
         UsageError
             If the tier has no use for what is named, options contradict each other, or the atlas cannot be written.
         """
-        named = {
-            "--load-atlas": self.load, "--save-atlas": self.save, "--localise-only": self.localise_only,
-            "--vocabulary": self.vocabulary,
-        }  # fmt: skip
+        named = {"--load-atlas": self.load, "--save-atlas": self.save, "--vocabulary": self.vocabulary}
         used = [option for option, value in named.items() if value]
+        if tier.remembers:
+            if used:
+                raise UsageError(f"{used[0]}: {tier.name} keeps maps and words in a database (--database)")
+            return
+        used += ["--localise-only"] if self.localise_only else []
         if used and "images" not in tier.roles:
             raise UsageError(f"{used[0]}: {tier.name} does not see; --algo orbslam3 does")
         if self.localise_only and self.load is None:

@@ -67,6 +67,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         num_point_clouds=taken.num_clouds,
         spatial=not settled.reg.force_3dof,
         keep_scans=True,
+        samples_first=True,
         odometry=taken.odometry,
         imu=taken.imu,
         landmarks=offer.landmarks and not settled.optimizer.landmarks_ignored,
@@ -98,7 +99,7 @@ def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: Run
         num_clouds=clouds if "points" in offer.named else min(clouds, 1),
         flat=offer.flat_clouds,
         odometry=offer.odometry and ("odometry" in offer.named or node.subscribe_odom is not False),
-        imu=offer.imu and ("imu" in offer.named or offer.imu_calibrated or cameras is None),
+        imu=offer.imu and ("imu" in offer.named or offer.imu_placed or cameras is None),
     )
     if offer.imu and not taken.imu:
         log.note("the IMU is left out, as its place at the camera is not known (--imu-topic takes it)")
@@ -193,7 +194,7 @@ def _settle(parameters: RtabmapParameters, given: Collection[str], taken: _Taken
         told = ", ".join(f"{name} {_shown(value)}" for name, value in choices.items())
         log.note(f"set for {_sensors(taken)}: {told} (--set overrules)")
     if values["slamcli.odometry"] == "auto":
-        by_camera = "recording" if taken.odometry else "visual"
+        by_camera = "guided" if taken.odometry else "visual"
         choices |= {"slamcli.odometry": by_camera if taken.cameras in ("rgbd", "stereo") else "scan"}
     settled = resolve(RtabmapParameters, values, choices)
     _warn(settled, taken, log)
@@ -230,6 +231,8 @@ def _needed(taken: _Taken) -> dict[str, Any]:
     }
     if taken.cameras is None:
         needed["Kp/MaxFeatures"] = -1
+        # Scans alone close a loop by proximity or not at all, however long it is.
+        needed["RGBD/ProximityMaxGraphDepth"] = 0
     return needed | (_PLANAR if taken.planar else _SWEEPS)
 
 

@@ -13,6 +13,8 @@ from slamcli.rtabmap.signature import NodeScan
 Floats = NDArray[np.float64]
 _BORDER_M = 0.01
 """Readings within this of the maximum range are no return, as some drivers write them."""
+_FLAT_M = 1e-3
+"""A cloud that lies this near to its sensor's plane is that of a planar scanner."""
 
 
 def node_scan(
@@ -42,8 +44,9 @@ def node_scan(
     points = measurement.points_m.astype(np.float64)
     ranges = np.linalg.norm(points, axis=1)
     keep = (ranges > range_min_m) & ((ranges <= range_max_m) | (range_max_m <= 0.0))
+    flat = len(points) > 0 and bool((np.abs(points[:, 2]) < _FLAT_M).all())
     return NodeScan(
-        points=_placed(points[keep], T_base_sensor), planar=False, T_base_sensor=T_base_sensor, range_max_m=range_max_m
+        points=_placed(points[keep], T_base_sensor), planar=flat, T_base_sensor=T_base_sensor, range_max_m=range_max_m
     )
 
 

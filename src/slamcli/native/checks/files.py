@@ -17,11 +17,14 @@ from slamcli.native.checks.gmapping import check_gmapping
 from slamcli.native.checks.map_yaml import check_map_yaml
 from slamcli.native.checks.navigation import PLANNERS, check_amcl, check_move_base
 from slamcli.native.checks.orbslam import check_orbslam
+from slamcli.native.checks.rtabmap import check_rtabmap_ini, check_rtabmap_nodes
 from slamcli.native.launch import LaunchNode, read_launch
 from slamcli.native.opencv_yaml import is_opencv_yaml, read_opencv_yaml
 from slamcli.native.orbslam_launch import find_settings, is_orbslam
 from slamcli.native.ros_parameters.costmap import COSTMAP, LAYERS, PRE_HYDRO
 from slamcli.native.ros_yaml import read_ros_yaml
+from slamcli.native.rtabmap_names import NODES, ODOMETRY_NODES, PACKAGES, type_of
+from slamcli.native.rtabmap_nodes import launched_nodes, yaml_nodes
 from slamcli.native.settings import Setting, merge, read_text, shipped_folders
 from slamcli.parameters import Declaration
 
@@ -50,9 +53,9 @@ def check_file(path: Path, tables: Tables, beams: int | None = None) -> tuple[Fi
     ----------
     path
         A launch file (``.launch``, ``.xml``) or ROS parameter YAML, or a map's YAML, or a Lua file of Cartographer, or
-        settings of ORB-SLAM.
+        settings of ORB-SLAM, or an ``.ini`` file of RTAB-Map.
     tables
-        The declarations of the tiers ``gmapping``, ``cartographer`` and ``orbslam3``.
+        The declarations of the tiers ``gmapping``, ``cartographer``, ``orbslam3`` and ``rtabmap``.
     beams
         The number of beams of the scanner that will be used, if known.
     """
@@ -76,14 +79,27 @@ def _check(path: Path, gmapping: Check, tables: Tables) -> Iterator[Finding]:
     if suffix in (".yaml", ".yml") and is_opencv_yaml(read_text(path)):
         return check_orbslam(str(path), read_opencv_yaml(path), tables["orbslam3"])
     if suffix in (".yaml", ".yml"):
-        return _check_yaml(merge(read_ros_yaml(path)), path, gmapping)
+        settings = merge(read_ros_yaml(path))
+        nodes = yaml_nodes(settings.values())
+        if any(_is_of_rtabmap(name, tables) for node in nodes for name in node.settings):
+            return check_rtabmap_nodes(
+                nodes, tables["rtabmap"], ros2=any("ros__parameters" in name for name in settings)
+            )
+        return _check_yaml(settings, path, gmapping)
     if suffix == ".lua":
         return check_cartographer(read_cartographer_lua(path, shipped_folders()), tables["cartographer"])
-    if suffix == ".ini" and path.is_file():
-        return iter([Finding(NOTE, str(path), 0, f"not checked: no system that is here reads {suffix} files")])
+    if suffix == ".ini":
+        return check_rtabmap_ini(path, tables["rtabmap"])
     raise ConfigError(
-        f"{path}: launch files (.launch, .xml), .yaml and .lua are checked, not {suffix or 'files without suffix'}"
+        f"{path}: launch files (.launch, .xml), .yaml, .lua and .ini are checked, not {suffix or 'files without suffix'}"
     )
+
+
+def _is_of_rtabmap(name: str, tables: Tables) -> bool:
+    group, slash, rest = name.partition("/")
+    return bool(slash and rest) and group in {
+        entry.name.partition("/")[0] for entry in tables["rtabmap"] if "/" in entry.name
+    }
 
 
 def _from_error(path: Path, error: ConfigError) -> Finding:
@@ -106,8 +122,13 @@ def _check_launch(path: Path, gmapping: Check, tables: Tables) -> Iterator[Findi
             yield from _check_cartographer_node(node, tables)
         elif is_orbslam(node):
             yield from _check_orbslam_node(node, tables)
+        elif type_of(node):
+            continue
         elif node.params:
             yield Finding(NOTE, node.file, node.line, f"the parameters of {node.package}/{node.type} are not checked")
+    nodes = launched_nodes(launch)
+    if nodes:
+        yield from check_rtabmap_nodes(nodes, tables["rtabmap"])
     for note in launch.notes:
         place, _, message = note.partition(": ")
         file, _, line = place.rpartition(":")
@@ -139,6 +160,11 @@ def _check_orbslam_node(node: LaunchNode, tables: Tables) -> Iterator[Finding]:
 
 def _check_package(node: LaunchNode) -> Iterator[Finding]:
     right = _PACKAGES.get(node.type)
+    if node.type in (*NODES, *ODOMETRY_NODES) and node.package not in PACKAGES:
+        message = (
+            f"{node.type} is in rtabmap_ros (in newer versions rtabmap_slam and rtabmap_odom), not in {node.package!r}"
+        )
+        yield Finding(ERROR, node.file, node.line, message)
     if right is not None and node.package != right:
         message = f"{node.type} is in package {right!r}: with pkg={node.package!r} roslaunch does not start it"
         yield Finding(ERROR, node.file, node.line, message)

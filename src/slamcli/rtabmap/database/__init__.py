@@ -2,7 +2,9 @@
 """RTAB-Map's own database files, read and written: the long-term memory on disk, schema of version 0.23.8."""
 
 from slamcli.rtabmap.database.connection import Mode
+from slamcli.rtabmap.database.counting import Counts
 from slamcli.rtabmap.database.database import Database
+from slamcli.rtabmap.database.probing import is_database, is_in_use
 from slamcli.rtabmap.database.records import (
     GeoFix,
     NodeStatistics,
@@ -14,6 +16,7 @@ from slamcli.rtabmap.database.records import (
 )
 
 __all__ = [
+    "Counts",
     "Database",
     "GeoFix",
     "Mode",
@@ -23,4 +26,6 @@ __all__ = [
     "StorageSettings",
     "StoredCamera",
     "StoredGrid",
+    "is_database",
+    "is_in_use",
 ]
