@@ -37,12 +37,14 @@ def read_rtabmap(
         return _read_ini(path, log, known), {}
     if suffix in (".launch", ".xml"):
         return _read_launch(path, log, arguments, known)
+    if suffix == ".db":
+        return _read_database(path, log, known), {}
     if suffix in (".yaml", ".yml"):
         found = combine(yaml_nodes(read_ros_yaml(path)))
         return _told(found, path, log, known), found.remaps
     hint = "; copy the parameters of a Python launch file to YAML or .ini" if suffix == ".py" else ""
     raise ConfigError(
-        f"{path}: rtabmap reads .ini files, launch files (.launch, .xml) and parameter files (.yaml){hint}"
+        f"{path}: rtabmap reads .ini files, launch files (.launch, .xml), parameter files (.yaml) and databases (.db){hint}"
     )
 
 
@@ -69,6 +71,17 @@ def _read_ini(path: Path, log: RunLog, known: Mapping[str, Declaration]) -> tupl
     if len(found.settings) < _COMPLETE:
         return settings
     return tuple(_changed(settings, path, log, known))
+
+
+def _read_database(path: Path, log: RunLog, known: Mapping[str, Declaration]) -> tuple[Setting, ...]:
+    """Return what a database of RTAB-Map or slamcli was made with."""
+    from slamcli.rtabmap.database import Database
+
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file")
+    with Database.read(path) as database:
+        kept = [Setting(name, value, str(path), 0) for name, value in database.parameters().items()]
+    return tuple(_changed(names_of_today(kept, log), path, log, known))
 
 
 def _changed(
