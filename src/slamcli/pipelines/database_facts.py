@@ -67,7 +67,7 @@ class DatabaseFacts:
     grid: tuple[int, int, float] | None
     """Columns, rows and metres per cell of the assembled map."""
     changed: Mapping[str, str]
-    """Parameters of the last session that differ from the defaults of slamcli, by name."""
+    """Parameters of the last session that differ from the defaults of slamcli, by name; those without effect here are left out."""
     parameters: int
     """Number of parameters that are kept."""
 
@@ -145,8 +145,8 @@ def _sensors(database: Database, table: NodeTable) -> tuple[str, ...]:
 
 
 def _changed(parameters: Mapping[str, str]) -> dict[str, str]:
-    """Return those whose value is not slamcli's default, or that slamcli does not know with the value."""
-    known = {entry.name: entry for entry in declarations(RtabmapParameters)}
+    """Return those that have an effect here and whose value is not slamcli's default, or none that it knows."""
+    known = {entry.name: entry for entry in declarations(RtabmapParameters) if entry.effective}
     changed = {}
     for name, text in sorted(parameters.items()):
         if name not in known:

@@ -85,15 +85,16 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     with atomic_directory(output) as folder:
         with log.stage("write"):
             written = write_result(folder, result, score=score, choices=request.choices, log=log, dense=run.dense)
+            moved = put_into(folder, result, run.database)
         document = run_document(
             command=request.command, algo=request.algo, parameters=as_dict(run.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=run.topics, frames=run.frames, log=log, total_s=time.perf_counter() - began,
             duration_s=run.duration_s, summary=summarise(result, score),
-            outputs=(*written.names, *put_into(folder, result, run.database), *RECORDS),
+            outputs=(*written.names, *moved, *RECORDS),
         )  # fmt: skip
         declared = declarations(type(config.parameters))
         document = write_records(folder, document, result, written, score=score, declared=declared)
-    if run.database is not None and not run.database.keep:
+    if moved:
         remove_running(run.database)
     if request.save_state is not None and result.state is not None:
         write_state(request.save_state, result.state)

@@ -57,6 +57,12 @@ class MapGraph:
         for end, links in self._linked.items():
             self._linked[end] = [link for link in links if id(link) not in gone]
 
+    def replace_link(self, old: Link, new: Link) -> None:
+        """Put a better measurement between the same ends in the place of an old one."""
+        self.links = [new if link is old else link for link in self.links]
+        for end in {old.from_id, old.to_id}:
+            self._linked[end] = [new if link is old else link for link in self._linked[end]]
+
     def merge(self, gone: int, kept: int) -> None:
         """Take a node out of the graph whose place another one holds; its links lead there now (RTAB-Map: neighbour merged)."""
         T_gone_kept = se3.inverse(self.T_map_base[gone]) @ self.T_map_base[kept]

@@ -8,6 +8,7 @@ from dataclasses import replace
 from slamcli.measurements import CameraRig
 from slamcli.rtabmap.feature_settings import Detector, FeatureSettings
 from slamcli.rtabmap.parameters import KpGroup, RtabmapParameters, VisGroup
+from slamcli.rtabmap.scan_odometry import ScanOdometrySettings
 from slamcli.vision.corner_description import OpenCvOrbSettings
 from slamcli.vision.gftt import GfttSettings
 from slamcli.vision.orb import OrbSettings
@@ -74,4 +75,13 @@ def _extraction(parameters: RtabmapParameters, group: KpGroup | VisGroup, detect
             max_disparity=stereo.max_disparity, squared=stereo.ssd,
         ),
         depth_weight=parameters.slamcli.depth_weight,
+    )  # fmt: skip
+
+
+def scan_odometry_settings(parameters: RtabmapParameters, no_return: str) -> ScanOdometrySettings:
+    """Return how planar scans are aligned (Icp/*, Odom/*)."""
+    icp = parameters.icp
+    return ScanOdometrySettings(
+        cell_m=icp.voxel_size or 0.05, deskewing=parameters.odom.deskewing, range_min_m=icp.range_min, range_max_m=icp.range_max,
+        no_return=no_return,
     )  # fmt: skip

@@ -87,7 +87,7 @@ class Database:
     def append(
         cls, path: Path | str, parameters_text: str = "", *, settings: StorageSettings | None = None, jobs: int = 1
     ) -> Self:
-        """Return a database that is continued; its tables must be those of 0.16 or later. No parameters: those of the last session."""
+        """Return a database that is continued; its tables must be those of 0.18 or later. No parameters: those of the last session."""
         return cls._begun(
             open_file(Path(path), "append", settings or StorageSettings()), parameters_text, settings, jobs
         )

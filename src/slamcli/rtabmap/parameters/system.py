@@ -197,8 +197,8 @@ class SlamcliGroup:
         kind=float, unit="s", minimum=0.0, maximum=10.0, extension=True,
     )  # fmt: skip
     odometry: str = parameter(
-        "auto", "where the motion between frames is from: the recording's odometry, own visual odometry, own scan odometry; auto: the recording's for images, scans with the recording's as a guess for a robot without cameras",
-        choices=("auto", "recording", "visual", "scan"), extension=True,
+        "auto", "where the motion between frames is from: the recording's odometry alone (as RTAB-Map does where it subscribes to it), own visual odometry, visual odometry that the recording's guides and carries where nothing is seen, or own scan odometry; auto: guided or visual with cameras, scan without",
+        choices=("auto", "recording", "visual", "guided", "scan"), extension=True,
     )  # fmt: skip
     depth_weight: float = parameter(
         3.0, "how much better depth images are believed than a stereo camera of g2o/Baseline would tell depth", minimum=0.01, maximum=1000.0,
