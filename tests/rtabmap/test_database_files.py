@@ -258,3 +258,13 @@ def test_sqlite_is_tuned_as_asked(tmp_path: Path) -> None:
             for name in ("cache_size", "journal_mode", "synchronous", "temp_store")
         ]
     assert told == [321, "persist", 1, 1]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_closing_twice_does_nothing(tmp_path: Path, jobs: int) -> None:
+    with Database.create(tmp_path / "a.db", "", jobs=jobs) as database:
+        worlds.fill(database, 1)
+        database.close()
+        database.close(commit=False)
+    with Database.read(tmp_path / "a.db") as database:
+        assert len(database.nodes()) == 1

@@ -50,6 +50,7 @@ class Database:
         self._settings = settings
         self._order = WriteOrder(threaded=jobs > 1 and file.mode != "read")
         self._stamps_ns: dict[int, int] = {}
+        self._closed = False
 
     @classmethod
     def create(
@@ -330,6 +331,9 @@ class Database:
 
     def close(self, *, commit: bool = True) -> None:
         """Commit, unless told otherwise, and close the file; a second call does nothing."""
+        if self._closed:
+            return
+        self._closed = True
         try:
             if commit and self._file.mode != "read":
                 self.commit()
