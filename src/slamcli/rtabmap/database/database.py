@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import sqlite3
+import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -50,7 +51,9 @@ class Database:
         self._settings = settings
         self._order = WriteOrder(threaded=jobs > 1 and file.mode != "read")
         self._stamps_ns: dict[int, int] = {}
-        self._closed = False
+        self._shut = weakref.finalize(
+            self, _shut, self._order, file
+        )  # also where an error or the end of the program comes first
 
     @classmethod
     def create(
@@ -331,16 +334,14 @@ class Database:
 
     def close(self, *, commit: bool = True) -> None:
         """Commit, unless told otherwise, and close the file; a second call does nothing."""
-        if self._closed:
+        if not self._shut.alive:
             return
-        self._closed = True
         try:
             if commit and self._file.mode != "read":
                 self.commit()
                 self._order.wait()
         finally:
-            self._order.end()
-            self._file.close()
+            self._shut()
 
     def _signature(self, connection: sqlite3.Connection, node_id: int) -> Signature:
         row = connection.execute("SELECT map_id, stamp, pose FROM Node WHERE id=?", (node_id,)).fetchone()
@@ -387,3 +388,9 @@ class Database:
         self._order.wait()
         with sqlite_errors(self.path):
             return action(self._file.connection)
+
+
+def _shut(order: WriteOrder, file: OpenFile) -> None:
+    """End what is under way, forget what was not committed, and close the file."""
+    order.end()
+    file.close()
