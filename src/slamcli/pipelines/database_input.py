@@ -122,9 +122,8 @@ def _offer(first: StoredSession, sessions: Sequence[StoredSession], asked: Senso
     scan = next((session.scan for session in sessions if session.scan is not None), None)
     ranges = scan is not None and asked.names.scans != (NONE,) and asked.names.points != (NONE,)
     return SensorOffer(
-        num_laser_scans=0,
-        num_point_clouds=int(ranges),
-        flat_clouds=scan is not None and scan.planar,
+        num_laser_scans=int(ranges and scan is not None and scan.planar),
+        num_point_clouds=int(ranges and scan is not None and not scan.planar),
         odometry=asked.names.odometry != NONE and first.has_odometry,
         landmarks=asked.names.landmarks != NONE and any(session.landmarks for session in sessions),
         mode=asked.mode,
