@@ -258,3 +258,40 @@ def test_sqlite_is_tuned_as_asked(tmp_path: Path) -> None:
             for name in ("cache_size", "journal_mode", "synchronous", "temp_store")
         ]
     assert told == [321, "persist", 1, 1]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_closing_twice_does_nothing(tmp_path: Path, jobs: int) -> None:
+    with Database.create(tmp_path / "a.db", "", jobs=jobs) as database:
+        worlds.fill(database, 1)
+        database.close()
+        database.close(commit=False)
+    with Database.read(tmp_path / "a.db") as database:
+        assert len(database.nodes()) == 1
+
+
+LEFT_OPEN = """
+import sys
+from pathlib import Path
+import database_worlds as worlds
+from slamcli.rtabmap.database import Database
+database = Database.create(Path(sys.argv[1]), "", jobs=int(sys.argv[2]))
+worlds.fill(database, 3)
+database.add_node(worlds.signature(9), weight=0)
+raise SystemExit(2)
+"""
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_program_that_ends_without_closing_leaves_nothing_beside_the_file(tmp_path: Path, jobs: str) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    ended = subprocess.run(
+        [sys.executable, "-c", LEFT_OPEN, str(tmp_path / "a.db"), jobs],
+        env=environment,
+        check=False,
+        capture_output=True,
+    )
+    assert (ended.returncode, ended.stderr) == (2, b"")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.db"]
+    with Database.read(tmp_path / "a.db") as database:
+        assert database.nodes().ids.tolist() == [1, 2, 3]

@@ -178,7 +178,8 @@ def _prepare(path: Path, mode: Mode, settings: StorageSettings, connection: sqli
         layout = read_layout(connection, str(path))
         show_as_current(connection, layout)
         connection.execute("PRAGMA query_only = ON")
-        connection.execute("BEGIN")  # the same state for as long as it is open
+        connection.execute("BEGIN")
+        connection.execute("SELECT version FROM Admin").fetchone()  # from here on the same state, as long as it is open
         return OpenFile(path, mode, connection, layout)
     connection.execute("PRAGMA locking_mode = EXCLUSIVE")
     if mode == "append":
