@@ -102,6 +102,10 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
     T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
     placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
     stamps = np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64)
+    if not parameters.rgbd.create_occupancy_grid:
+        setup.log.note(
+            "RGBD/CreateOccupancyGrid is off: no map of the plane is made (--set RGBD/CreateOccupancyGrid=true)"
+        )
     maps = build_maps(
         zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
         octree=setup.octree, keep=None if session.keeping.fixed else session.keeping.keep_grid,
