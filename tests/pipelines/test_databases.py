@@ -17,7 +17,7 @@ from slamcli.errors import RecordingError, UsageError
 from slamcli.geometry import se3
 from slamcli.gmapping import TIER as GMAPPING
 from slamcli.mapper import MappingResult, Setup
-from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud, RgbdFrame, SessionStart
+from slamcli.measurements import LaserScan, Measurement, Odometry, RgbdFrame, SessionStart
 from slamcli.outputs import check_directory
 from slamcli.pipelines.config import load_native
 from slamcli.pipelines.database_facts import database_facts
@@ -26,6 +26,7 @@ from slamcli.pipelines.database_poses import read_database_graph, read_database_
 from slamcli.pipelines.databases import DatabaseRequest, running_file
 from slamcli.pipelines.map import run_map
 from slamcli.pipelines.map_request import MapRequest
+from slamcli.pipelines.scan_cloud import cloud_of
 from slamcli.pipelines.sensor_request import SensorRequest
 from slamcli.recordings import create_recording
 from slamcli.recordings.sensor_picks import TopicNames
@@ -108,8 +109,8 @@ class Opened:
 
 def test_nodes_are_measured_once_more(tmp_path: Path) -> None:
     found = Opened(write(tmp_path / "a.db"))
-    assert found.kinds == {"Odometry": 5, "PointCloud": 5, "RgbdFrame": 5, "SessionStart": 1}
-    assert [type(m) for m in found.measurements[:3]] == [Odometry, PointCloud, RgbdFrame]
+    assert found.kinds == {"Odometry": 5, "LaserScan": 5, "RgbdFrame": 5, "SessionStart": 1}
+    assert [type(m) for m in found.measurements[:3]] == [Odometry, LaserScan, RgbdFrame]
     start = next(i for i, m in enumerate(found.measurements) if isinstance(m, SessionStart))
     assert start == 9
     first, second = (m for m in found.measurements[:6] if isinstance(m, Odometry))
@@ -117,8 +118,10 @@ def test_nodes_are_measured_once_more(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.position_m, [0.2, 0.0, 0.0], atol=1e-6)
     assert second.covariance is not None
     np.testing.assert_allclose(second.covariance, np.eye(6) * 0.01)
-    cloud = next(m for m in found.measurements if isinstance(m, PointCloud))
-    np.testing.assert_allclose(cloud.points_m[0], [0.8, 0.1, 0.0], atol=1e-6)
+    scan = next(m for m in found.measurements if isinstance(m, LaserScan))
+    back = cloud_of(scan).points_m  # by angle; the beams are finer than the points lie apart
+    np.testing.assert_allclose(back[-1], [0.8, 0.1, 0.0], atol=2e-3)
+    assert (len(back), scan.range_max_m) == (7, 10.0)
     np.testing.assert_allclose(found.feed.T_base_laser["/scan"][:3, 3], [0.2, 0.0, 0.3], atol=1e-6)
     frame = next(m for m in found.measurements if isinstance(m, RgbdFrame))
     assert (frame.colour.encoding, frame.colour.pixels.shape) == ("rgb8", (24, 32, 3))
@@ -144,12 +147,12 @@ def test_its_parameters_lie_beneath_those_of_the_user(tmp_path: Path) -> None:
 def test_parts_of_it(tmp_path: Path) -> None:
     path = write(tmp_path / "a.db")
     assert set(Opened(path, odometry="none", scans=("none",)).kinds) == {"RgbdFrame", "SessionStart"}
-    assert set(Opened(path, mode="scan").kinds) == {"Odometry", "PointCloud", "SessionStart"}
+    assert set(Opened(path, mode="scan").kinds) == {"Odometry", "LaserScan", "SessionStart"}
     assert Opened(path, start_s=1.0, duration_s=1.0).kinds["RgbdFrame"] == 2  # of each session
     two = Opened(path, write(tmp_path / "b.db", maps=(0, 0)))
     assert (two.kinds["RgbdFrame"], two.kinds["SessionStart"]) == (7, 2)
     assert [m.source for m in two.measurements if isinstance(m, SessionStart)] == ["a.db, map 1", "b.db, map 0"]
-    assert set(Opened(write(tmp_path / "c.db", seen=False)).kinds) == {"Odometry", "PointCloud", "SessionStart"}
+    assert set(Opened(write(tmp_path / "c.db", seen=False)).kinds) == {"Odometry", "LaserScan", "SessionStart"}
 
 
 def test_what_does_not_fit(tmp_path: Path) -> None:
@@ -297,6 +300,14 @@ def test_nothing_is_left_where_nothing_was_read(tmp_path: Path, bag: Path, monke
         with pytest.raises(UsageError, match="no"):
             run_map(MapRequest(algo="rtabmap", inputs=[bag], output=tmp_path / "out", database=request), RunLog())
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap"]
+
+
+def test_an_empty_one_that_was_left_is_no_loss(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Database.create(running_file(tmp_path / "out"), ""):
+        pass
+    log = mapped(monkeypatch, bag, tmp_path / "out")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", "out"]
+    assert not any("did not end" in note for note in log.notes)
 
 
 def test_a_database_in_use_is_left_alone(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from slamcli.errors import UsageError
+from slamcli.errors import FormatError, UsageError
 from slamcli.mapper import DatabaseChoice, MappingResult, Tier
 from slamcli.outputs import check_file
-from slamcli.rtabmap.database import is_in_use
+from slamcli.rtabmap.database import Database, is_in_use
 from slamcli.runtime import RunLog
 
 FILE = "rtabmap.db"
@@ -76,7 +76,7 @@ class DatabaseRequest:
     def begin(self, output: Path, log: RunLog) -> DatabaseChoice:
         """Make way for the database, and return where it lies.
 
-        What a run that was killed left beside the result is moved aside, never removed.
+        What a run that was killed left beside the result is moved aside, never removed, unless there is no node in it.
 
         Raises
         ------
@@ -95,13 +95,16 @@ class DatabaseRequest:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             _check_free(path)
+            if _is_empty(path):
+                _remove(path)
+        if path.exists():
             aside = _free_name(path)
             for ending in ("", *_BESIDE):
                 left = path.with_name(path.name + ending)
                 if left.exists():
                     left.rename(aside.with_name(aside.name + ending))
             log.note(
-                f"an earlier run that was killed left its database: it lies in {aside} now (--database goes on in it)"
+                f"an earlier run that did not end left its database: it lies in {aside} now (--database goes on in it)"
             )
         return DatabaseChoice(path=path)
 
@@ -143,6 +146,15 @@ def _check_free(path: Path) -> None:
         raise UsageError(
             f"{path}: another process uses this database; wait until it has ended, or give another file or -o"
         )
+
+
+def _is_empty(path: Path) -> bool:
+    """Return whether a database has no nodes."""
+    try:
+        with Database.read(path) as database:
+            return len(database.nodes()) == 0
+    except FormatError:
+        return False
 
 
 def _free_name(path: Path) -> Path:

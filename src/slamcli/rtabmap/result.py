@@ -19,6 +19,7 @@ from slamcli.rtabmap.frame_track import FrameTrack, PlacedFrames
 from slamcli.rtabmap.links import CLOSURES, Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.maps import build_maps
+from slamcli.rtabmap.node_views import NodeViews
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.session import Session
 from slamcli.rtabmap.signature import NodeImages, NodeScan
@@ -101,9 +102,13 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
     T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
     placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
     stamps = np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64)
+    if not parameters.rgbd.create_occupancy_grid:
+        setup.log.note(
+            "RGBD/CreateOccupancyGrid is off: no map of the plane is made (--set RGBD/CreateOccupancyGrid=true)"
+        )
     maps = build_maps(
         zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
-        keep=None if session.keeping.fixed else session.keeping.keep_grid,
+        octree=setup.octree, keep=None if session.keeping.fixed else session.keeping.keep_grid,
     )  # fmt: skip
     session.close(ids, maps.grid)
     return MappingResult(
@@ -112,6 +117,9 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
         keyframe_graph=keyframe_graph(graph, ids), steps=columns(session.records), grid=maps.grid, cloud=maps.cloud,
         octree=maps.octree, summary={**summary_of(session, track, ids, placed), "up_from": up},
         database=None if setup.database is None else setup.database.path,
+        views=None if setup.database is None or setup.rig is None else NodeViews(
+            database=setup.database.path, ids=np.array(ids, dtype=np.int64), T_map_base=T_map_node,
+        ),
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from slamcli.rtabmap.given_odometry import GivenOdometry, motion_covariance
 from slamcli.rtabmap.guided_odometry import GuidedOdometry
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import OdometryStep
-from slamcli.rtabmap.node_scans import node_scan
+from slamcli.rtabmap.node_scans import node_scan, sweep_ns
 from slamcli.rtabmap.odometry_settings import odometry_settings
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.settings import feature_settings, preparation_settings, word_settings, words_are_odometrys
@@ -66,6 +66,7 @@ class VisualFront:
             tracking = replace(tracking, reset_countdown=_LOST_UNTIL_ANEW)
         visual = VisualOdometry(tracking, self.camera, self.preparation.T_base_camera)
         self._visual = None if parameters.slamcli.odometry == "recording" else GuidedOdometry(visual, self._given)
+        self._deskews = parameters.odom.deskewing
         self._last: Floats | None = None
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
 
@@ -82,7 +83,9 @@ class VisualFront:
             self._given.add(measurement)
         elif isinstance(measurement, (LaserScan, PointCloud)) and self._scans is not None:
             mount = self._setup.T_base_laser[measurement.topic]
-            self._scans.append((measurement.stamp_ns, node_scan(measurement, mount, self._setup.no_return)))
+            moved = self._motion_of(measurement)
+            scan = node_scan(measurement, mount, self._setup.no_return, T_begin_end=moved)
+            self._scans.append((measurement.stamp_ns, scan))
         while self._waiting and self._ready(self._waiting[0].stamp_ns):
             yield self._moment(self._waiting.popleft())
 
@@ -157,6 +160,13 @@ class VisualFront:
         motion = np.eye(4) if self._last is None else se3.inverse(self._last) @ pose
         self._last = pose
         return OdometryStep(stamp_ns=stamp_ns, T_odom_base=pose, covariance=motion_covariance(motion))
+
+    def _motion_of(self, sweep: LaserScan | PointCloud) -> Floats | None:
+        """Return how the base moved while a sweep was measured, by the recording's odometry; None where that is not known."""
+        if not self._deskews:
+            return None
+        begin, end = self._given.at(sweep.stamp_ns), self._given.at(sweep.stamp_ns + sweep_ns(sweep))
+        return None if begin is None or end is None else se3.inverse(begin) @ end
 
     def _scan_at(self, stamp_ns: int) -> NodeScan | None:
         """Return the scan that is nearest in time, moved to where the robot was at the stamp."""
