@@ -133,6 +133,8 @@ def _turn_upright(session: Session, ids: list[int], setup: Setup) -> tuple[str, 
     known = setup.rig is None or setup.rig.base_is_upright
     if known or ids[0] not in session.own_nodes:
         return "base" if known else "database", None
+    if any(link.kind == LinkKind.GRAVITY for link in graph.links_among(ids)):
+        return "imu", None
     T_map_base = np.array([graph.T_map_base[node_id] for node_id in ids])
     T_base_camera = session.closing.T_base_camera
     T_up_map, found = find_upright(
