@@ -6,9 +6,12 @@ from __future__ import annotations
 import numpy as np
 
 from slamcli.geometry import quaternion, se3
+from slamcli.mapper import Setup
 from slamcli.measurements import ImuSample
-from slamcli.rtabmap.gravity import GravityTrack, gravity_link
+from slamcli.parameters import resolve
+from slamcli.rtabmap.gravity import GravityTrack, gravity_link, gravity_track
 from slamcli.rtabmap.links import LinkKind
+from slamcli.rtabmap.map_graph import GraphNode, MapGraph
 from slamcli.rtabmap.parameters import RtabmapParameters
 
 
@@ -53,3 +56,19 @@ def test_the_link_is_of_the_node_with_itself() -> None:
     link = gravity_link(7, np.eye(3))
     assert (link.from_id, link.to_id, link.kind) == (7, 7, LinkKind.GRAVITY)
     np.testing.assert_array_equal(link.T_from_to, np.eye(4))
+
+
+def test_gravity_counts_where_it_can() -> None:
+    setup = Setup(T_base_laser={}, T_base_sensor={"/imu": np.eye(4)})
+    for given, there in (({}, True), ({"Optimizer/GravitySigma": 0.0}, False), ({"Reg/Force3DoF": True}, False)):
+        found = gravity_track(resolve(RtabmapParameters, given), setup)
+        assert (found is not None) == there
+
+
+def test_a_merged_node_takes_its_gravity_along() -> None:
+    graph = MapGraph()
+    for node_id in (1, 2):
+        graph.add_node(GraphNode(id=node_id, map_id=0, stamp_ns=node_id, T_odom_base=np.eye(4)), np.eye(4))
+        graph.add_link(gravity_link(node_id, np.eye(3)))
+    graph.merge(2, 1)
+    assert [(link.from_id, link.to_id) for link in graph.links] == [(1, 1)]

@@ -67,7 +67,8 @@ class DatabaseFeed:
             right=_model(images, right, images.camera.baseline_m) if mode == "stereo" else None,
             T_base_main=images.T_base_camera,
             rate_hz=1e9 / float(np.median(steps)) if len(steps) else _DEFAULT_RATE_HZ,
-            base_is_upright=True,
+            # A base that is the camera itself was held in a hand: nobody knows which way is up.
+            base_is_upright=not np.allclose(images.T_base_camera[:3, :3], np.eye(3), atol=1e-3),
         )
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import quaternion
+from slamcli.mapper import Setup
 from slamcli.measurements import ImuSample
 from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.parameters import RtabmapParameters
@@ -77,6 +78,13 @@ class GravityTrack:
         if abs(self._stamps[nearest] - stamp_ns) > _FARTHEST_NS:
             return None
         return self._levels[nearest]
+
+
+def gravity_track(parameters: RtabmapParameters, setup: Setup) -> GravityTrack | None:
+    """Return what takes an IMU's samples; None where gravity does not count (Optimizer/GravitySigma 0, Reg/Force3DoF)."""
+    if parameters.optimizer.gravity_sigma <= 0.0 or parameters.reg.force_3dof:
+        return None
+    return GravityTrack(parameters, setup.T_base_sensor)
 
 
 def gravity_link(node_id: int, R_level_base: Floats) -> Link:

@@ -75,7 +75,7 @@ class MapGraph:
         old = self._linked[gone]
         self.remove_links(old)
         for link in old:
-            if kept not in (link.from_id, link.to_id):
+            if kept not in (link.from_id, link.to_id) and link.from_id != link.to_id:
                 self.add_link(_led_to(link, gone, kept, T_gone_kept))
         del self.nodes[gone], self.T_map_base[gone], self._linked[gone]
 

@@ -8,17 +8,18 @@ from numpy.typing import NDArray
 
 from slamcli.errors import EstimationError
 from slamcli.mapper import MappingResult, Setup
-from slamcli.measurements import Measurement, SessionStart
+from slamcli.measurements import ImuSample, Measurement, SessionStart
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.fronts import Front, front_of
+from slamcli.rtabmap.gravity import gravity_track
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import NodeInput
 from slamcli.rtabmap.node_rate import NodeRate
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.result import result_of
+from slamcli.rtabmap.scan_thinning import kept_scan
 from slamcli.rtabmap.session import Session
 from slamcli.rtabmap.sessions import open_session
-from slamcli.rtabmap.signature import no_features
 
 
 class RtabmapMapper:
@@ -30,6 +31,7 @@ class RtabmapMapper:
         self._session: Session = open_session(parameters, setup, self._front)
         self._track = FrameTrack()
         self._rate = NodeRate(parameters.rtabmap.detection_rate)
+        self._gravity = gravity_track(parameters, setup)
         self._begins = True
         self._covariance: NDArray[np.float64] = np.zeros((6, 6))
 
@@ -38,8 +40,11 @@ class RtabmapMapper:
         if isinstance(measurement, SessionStart):
             self._end_recording()
             self._front = front_of(self._parameters, self._setup)
+            self._gravity = gravity_track(self._parameters, self._setup)
             self._begins = True
             return
+        if isinstance(measurement, ImuSample) and self._gravity is not None:
+            self._gravity.add(measurement)
         for moment in self._front.take(measurement):
             self._take(moment)
 
@@ -76,11 +81,12 @@ class RtabmapMapper:
         self._covariance = np.zeros((6, 6)) if begins else self._covariance + step.covariance
         if not (self._rate.due(step.stamp_ns) or begins):
             return
-        features = no_features() if moment.features is None else moment.features
+        features = self._front.node_features(moment)
         node = NodeInput(
             stamp_ns=step.stamp_ns, T_odom_base=step.T_odom_base, covariance=self._covariance, began_anew=begins,
-            features=features, points=self._front.points(features), scan=moment.scan,
+            features=features, points=self._front.points(features), scan=None if moment.scan is None else kept_scan(moment.scan, self._parameters.mem),
             images=None if moment.prepared is None else self._front.images(moment.prepared),
+            R_level_base=None if self._gravity is None else self._gravity.at(step.stamp_ns),
         )  # fmt: skip
         node_id = self._session.update(node)
         if node_id is not None:

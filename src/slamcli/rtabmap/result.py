@@ -98,13 +98,17 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
     graph, database = session.graph, session.keeping.database
     ids = chosen_component(graph, session.own_nodes)
     sensors = partial(_sensors, database)
-    up = _turn_upright(session, ids, setup)
+    up, floor_m = _turn_upright(session, ids, setup)
     T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
     placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
     stamps = np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64)
+    if not parameters.rgbd.create_occupancy_grid:
+        setup.log.note(
+            "RGBD/CreateOccupancyGrid is off: no map of the plane is made (--set RGBD/CreateOccupancyGrid=true)"
+        )
     maps = build_maps(
         zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
-        octree=setup.octree, keep=None if session.keeping.fixed else session.keeping.keep_grid,
+        octree=setup.octree, floor_m=floor_m, keep=None if session.keeping.fixed else session.keeping.keep_grid,
     )  # fmt: skip
     session.close(ids, maps.grid)
     return MappingResult(
@@ -123,19 +127,21 @@ def _sensors(database: Database, node_id: int) -> tuple[NodeImages | None, NodeS
     return database.read_images(node_id), database.read_scan(node_id)
 
 
-def _turn_upright(session: Session, ids: list[int], setup: Setup) -> str:
-    """Turn the map so that z is up, unless its base is known to be upright; return what told it."""
+def _turn_upright(session: Session, ids: list[int], setup: Setup) -> tuple[str, float | None]:
+    """Turn the map so that z is up, unless its base is known to be upright; return what told it, and z of the floor if that did."""
     graph = session.graph
     known = setup.rig is None or setup.rig.base_is_upright
     if known or ids[0] not in session.own_nodes:
-        return "base" if known else "database"
+        return "base" if known else "database", None
+    if any(link.kind == LinkKind.GRAVITY for link in graph.links_among(ids)):
+        return "imu", None
     T_map_base = np.array([graph.T_map_base[node_id] for node_id in ids])
     T_base_camera = session.closing.T_base_camera
     T_up_map, found = find_upright(
         ids, T_map_base, T_base_camera, partial(_sensors, session.keeping.database), setup.seed
     )
     graph.place(ids, T_up_map @ T_map_base)
-    return found.source
+    return found.source, found.floor_m
 
 
 def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: Floats, setup: Setup) -> Trajectory:

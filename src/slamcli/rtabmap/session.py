@@ -13,6 +13,7 @@ from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
 from slamcli.rtabmap.frame_track import FrameTrack
+from slamcli.rtabmap.gravity import gravity_link
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping
 from slamcli.rtabmap.links import Link, LinkKind
@@ -167,6 +168,7 @@ class Session:
         )
         if self._previous is None:
             self.graph.add_node(own, signature.T_odom_base)
+            self._level(node, signature.id)
             return
         motion = se3.inverse(self._previous.T_odom_base) @ signature.T_odom_base
         link = Link(
@@ -177,6 +179,14 @@ class Session:
         self.graph.add_node(own, self.graph.T_map_base[self._previous.id] @ link.T_from_to)
         self.graph.add_link(link)
         self.keeping.link([link])
+        self._level(node, signature.id)
+
+    def _level(self, node: NodeInput, node_id: int) -> None:
+        """Tell the graph which way is up at a node."""
+        if node.R_level_base is not None:
+            link = gravity_link(node_id, node.R_level_base)
+            self.graph.add_link(link)
+            self.keeping.link([link])
 
     def _close(
         self, node_id: int, proposals: Sequence[Proposal], *, everything: bool = False

@@ -23,8 +23,8 @@ from slamcli.rtabmap.node_input import OdometryStep
 from slamcli.rtabmap.node_scans import node_scan, sweep_ns
 from slamcli.rtabmap.odometry_settings import odometry_settings
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.settings import feature_settings, preparation_settings
-from slamcli.rtabmap.signature import NodeImages, NodeScan
+from slamcli.rtabmap.settings import feature_settings, preparation_settings, word_settings, words_are_odometrys
+from slamcli.rtabmap.signature import NodeImages, NodeScan, no_features
 from slamcli.rtabmap.visual_odometry import VisualOdometry
 from slamcli.vision.features import Features
 from slamcli.vision.preparation import Preparation, PreparedFrame
@@ -46,7 +46,11 @@ class VisualFront:
         if setup.rig is None:
             raise UsageError("rtabmap: there are no cameras to see with")
         self.preparation = Preparation(setup.rig, preparation_settings(parameters, setup.rig))
-        self._extractor = FeatureExtractor(feature_settings(parameters), self.preparation)
+        words = FeatureExtractor(word_settings(parameters), self.preparation)
+        is_given = parameters.slamcli.odometry == "recording"
+        self._extractor = words if is_given else FeatureExtractor(feature_settings(parameters), self.preparation)
+        self._words = None if is_given or words_are_odometrys(parameters) else words
+        """What finds the key points of nodes where those of odometry are others."""
         self.camera = self._extractor.camera
         self._setup = setup
         self._workers = ThreadPoolExecutor(1) if setup.jobs > 1 else None
@@ -99,6 +103,12 @@ class VisualFront:
             colour=seen.grey if seen.colour is None else seen.colour, camera=self.preparation.camera,
             T_base_camera=self.preparation.T_base_camera, depth=seen.depth, right=seen.right,
         )  # fmt: skip
+
+    def node_features(self, moment: Moment) -> Features:
+        """Return the key points that a node keeps of a frame."""
+        if moment.features is None or moment.prepared is None:
+            return no_features()
+        return moment.features if self._words is None else self._words.extract(moment.prepared)
 
     def points(self, features: Features) -> Floats:
         """Return where key points lie, (N, 3), metres, base frame; NaN where unknown."""

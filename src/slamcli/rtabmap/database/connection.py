@@ -106,6 +106,10 @@ def sqlite_errors(path: Path) -> Iterator[None]:
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "") or ""
         raise FormatError(f"{path}: {_explained(name)} ({error})") from error
+    except UnicodeError as error:  # in a message of SQLite's, or in a text
+        raise FormatError(
+            f"{path}: {_explained('SQLITE_CORRUPT')} ({error.reason if isinstance(error, UnicodeDecodeError) else error})"
+        ) from error
 
 
 def _explained(name: str) -> str:

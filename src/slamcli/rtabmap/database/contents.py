@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,7 @@ class DatabaseContents:
         FormatError
             If there is no such node, or its descriptors are not binary.
         """
-        return self._read(lambda connection: self._signature(connection, node_id))
+        return self._read(lambda connection: self._signature(connection, node_id), node_id)
 
     def read_signatures(self, node_ids: Iterable[int]) -> list[Signature]:
         """Return several nodes."""
@@ -73,34 +73,29 @@ class DatabaseContents:
 
     def read_images(self, node_id: int, camera: int = 0) -> NodeImages | None:
         """Return what a camera of a node saw; None for a node without images. With several cameras the first is 0."""
-        return self._read(lambda connection: read_images(connection, self._file.layout, node_id, camera))
+        return self._read(lambda connection: read_images(connection, self._file.layout, node_id, camera), node_id)
 
     def read_cameras(self, node_id: int) -> tuple[StoredCamera, ...]:
         """Return the cameras of a node (also where its images were not kept)."""
-        row = self._read(
-            lambda connection: connection.execute("SELECT calibration FROM Data WHERE id=?", (node_id,)).fetchone()
-        )
-        return unpack_cameras(row[0] if row else None, self._file.layout.version)
+        version = self._file.layout.version
+        query = "SELECT calibration FROM Data WHERE id=?"
+        cameras = self._of_node(node_id, query, lambda row: unpack_cameras(row[0], version))
+        return () if cameras is None else cameras
 
     def read_scan(self, node_id: int) -> NodeScan | None:
         """Return a node's scan, base frame; None for a node without."""
-        row = self._read(
-            lambda connection: connection.execute(
-                "SELECT scan, scan_info, user_data FROM Data WHERE id=?", (node_id,)
-            ).fetchone()
-        )
-        return unpack_scan(row[0], row[1], row[2], self._file.layout.version) if row else None
+        version = self._file.layout.version
+        query = "SELECT scan, scan_info, user_data FROM Data WHERE id=?"
+        return self._of_node(node_id, query, lambda row: unpack_scan(row[0], row[1], row[2], version))
 
     def read_local_grid(self, node_id: int) -> LocalGrid | None:
         """Return the cells that a node saw; None for a node without."""
         names = ", ".join(node_rows.CELL_COLUMNS)
-        query = f"SELECT {names} FROM Data WHERE id=?"  # noqa: S608
-        row = self._read(lambda connection: connection.execute(query, (node_id,)).fetchone())
-        return unpack_cells(row) if row else None
+        return self._of_node(node_id, f"SELECT {names} FROM Data WHERE id=?", unpack_cells)  # noqa: S608
 
     def links(self, node_id: int | None = None) -> list[Link]:
         """Return all links, or those of one node, each once and in the order they were written."""
-        return self._read(lambda connection: link_rows.read_links(connection, node_id))
+        return self._read(lambda connection: link_rows.read_links(connection, node_id), node_id)
 
     def words(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
         """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id."""
@@ -137,7 +132,7 @@ class DatabaseContents:
     def _signature(self, connection: sqlite3.Connection, node_id: int) -> Signature:
         row = connection.execute("SELECT map_id, stamp, pose FROM Node WHERE id=?", (node_id,)).fetchone()
         if row is None:
-            raise FormatError(f"{self.path}: there is no node {node_id}")
+            raise FormatError("there is no such node")
         data = connection.execute(
             "SELECT calibration, scan, scan_info, user_data FROM Data WHERE id=?", (node_id,)
         ).fetchone()
@@ -157,7 +152,25 @@ class DatabaseContents:
             scan=unpack_scan(scan, scan_info, user_data, version),
         )
 
-    def _read(self, action: Callable[[sqlite3.Connection], Result]) -> Result:
+    def _of_node(self, node_id: int, query: str, unpack: Callable[[Sequence[Any]], Result]) -> Result | None:
+        def found(connection: sqlite3.Connection) -> Result | None:
+            row = connection.execute(query, (node_id,)).fetchone()
+            return None if row is None else unpack(row)
+
+        return self._read(found, node_id)
+
+    def _read(self, action: Callable[[sqlite3.Connection], Result], node_id: int | None = None) -> Result:
+        """Return what is found; whatever is wrong with it names the file, and the node if it is one's."""
         self._order.wait()
+        where = f"{self.path}: " if node_id is None else f"{self.path}: node {node_id}: "
         with sqlite_errors(self.path):
-            return action(self._file.connection)
+            try:
+                return action(self._file.connection)
+            except FormatError as error:
+                raise FormatError(f"{where}{error}") from error
+            except UnicodeError:
+                raise
+            except (TypeError, ValueError, OverflowError) as error:  # SQLite's columns hold values of any kind
+                raise FormatError(
+                    f"{where}a value that does not belong there, the database is damaged ({error})"
+                ) from error
