@@ -6,17 +6,20 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from slamcli.errors import FormatError, UsageError
 from slamcli.mapper import DatabaseChoice, MappingResult, Tier
 from slamcli.outputs import check_file
+from slamcli.parameters import as_dict, resolve
+from slamcli.pipelines.config import NativeConfig
 from slamcli.rtabmap.database import Database, is_in_use
 from slamcli.runtime import RunLog
 
 FILE = "rtabmap.db"
 """Its name in the folder of a result."""
+_INCREMENTAL = "Mem/IncrementalMemory"
 _BESIDE = ("-journal", "-wal", "-shm")
 
 
@@ -46,7 +49,9 @@ class DatabaseRequest:
             if self.anew:
                 raise UsageError("--delete-db-on-start: name the database with --database")
             if localise_only:
-                raise UsageError("--localise-only: name the database to localise in with --database")
+                raise UsageError(
+                    "--localise-only (Mem/IncrementalMemory false): name the database to localise in with --database"
+                )
             return
         self._check_file(inputs, output, localise_only=localise_only)
 
@@ -107,6 +112,18 @@ class DatabaseRequest:
                 f"an earlier run that did not end left its database: it lies in {aside} now (--database goes on in it)"
             )
         return DatabaseChoice(path=path)
+
+
+def localising(tier: Tier, config: NativeConfig, asked: bool) -> tuple[NativeConfig, bool]:
+    """Return the configuration and whether the map stays as it is: by ``--localise-only``, or by the tier's own parameter."""
+    if not tier.remembers:
+        return config, asked
+    values = as_dict(config.parameters)
+    localise_only = asked or values.get(_INCREMENTAL) is False
+    if localise_only and _INCREMENTAL in values:
+        parameters = resolve(type(config.parameters), values, {_INCREMENTAL: False})
+        config = replace(config, parameters=parameters)
+    return config, localise_only
 
 
 def running_file(output: Path) -> Path:

@@ -86,7 +86,12 @@ class Session:
             self._merge(gone, kept)
         hypothesis = self._detector.hypothesis(signature, self.graph)
         retrieved = self.memory.retrieve(hypothesis.node, self.graph)
+        landmarks, by_markers = self.closing.by_markers(signature, node.images, self.graph)
+        for link in landmarks:
+            self.graph.add_link(link)
+        self.keeping.link([link for link in landmarks if link.kind == LinkKind.LANDMARK])
         proposals = [
+            *by_markers,
             *self.closing.by_looks(signature, hypothesis, self.graph),
             *self.closing.by_place(signature, self.graph),
         ]
@@ -201,7 +206,8 @@ class Session:
         """Return the closures that the graph bears, and how many nodes the optimisation moved."""
         if not proposals:
             return [], 0
-        ids = self._scope([node_id, *(proposal.link.from_id for proposal in proposals)], everything=everything)
+        ends = [node_id, *(end for one in proposals for end in (one.link.from_id, one.link.to_id))]
+        ids = self._scope(ends, everything=everything)
         verdict = self.closing.judge(ids, self.graph, proposals)
         if verdict.graph is None and len(proposals) > 1:  # one wrong closure must not take the right ones along
             return self._one_by_one(node_id, proposals, everything=everything)
@@ -217,6 +223,8 @@ class Session:
         taken = {(link.from_id, link.to_id) for link in verdict.accepted}
         accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
         for proposal in accepted:
+            if proposal.link.kind == LinkKind.LANDMARK:
+                continue
             self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
         return accepted, verdict.graph.moved
 
