@@ -159,7 +159,7 @@ def test_odometry_and_imu() -> None:
     assert not plan(found, subscribe_odom=False).odometry
     assert plan(offer("mono", "rgbd", odometry=True, named=frozenset({"odometry"})), subscribe_odom=False).odometry
     assert not plan(found).imu
-    assert plan(offer("mono", "rgbd", imu=True, imu_calibrated=True)).imu
+    assert plan(offer("mono", "rgbd", imu=True, imu_placed=True)).imu
     assert plan(offer("mono", "rgbd", imu=True, named=frozenset({"imu"}))).imu
 
 

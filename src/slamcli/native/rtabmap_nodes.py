@@ -102,9 +102,10 @@ def combine(nodes: Sequence[NodeGiven]) -> Combined:
     if mapping and odometry:
         own = odometry[0]
         settings.append(Setting("subscribe_odom", False, own.file, own.line))
-        notes.append(
-            f"{own.file}:{own.line}: {own.type} is started: odometry is computed (--odom-topic takes the recording's)"
-        )
+        by_scans = own.type == "icp_odometry"
+        settings += [Setting("slamcli.odometry", "scan", own.file, own.line)] if by_scans else []
+        way = "computed from scans" if by_scans else "computed (--odom-topic takes the recording's)"
+        notes.append(f"{own.file}:{own.line}: {own.type} is started: odometry is {way}")
     settings += _of_bundled_images(settings)
     remaps = {name: topic for node in (*odometry[:1], *mapping[:1]) for name, topic in node.remaps.items()}
     values = {setting.name: setting.value for setting in settings}

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from slamcli.errors import UsageError
 from slamcli.mapper import Tier
@@ -97,9 +98,15 @@ def request_of(
     return CameraRequest(
         names=_with_remaps(cameras, config, recording), imu=names.imu, mode=mode, base_frame=names.base_frame,
         calibration=overlaid(_configured(config), load_calibration(files)),
-        pairing_tolerance_s=as_dict(config.parameters).get("slamcli.pairing_tolerance"),
+        pairing_tolerance_s=_pairing_tolerance(as_dict(config.parameters)),
         start_s=start_s, duration_s=duration_s,
     )  # fmt: skip
+
+
+def _pairing_tolerance(values: Mapping[str, Any]) -> float | None:
+    """Return by how much stamps of two cameras may differ, s; None: not said (0 is no bound for RTAB-Map's node)."""
+    given: float | None = values.get("slamcli.pairing_tolerance")
+    return given if given is not None else values.get("approx_sync_max_interval") or None
 
 
 def _configured(config: NativeConfig) -> RigCalibration | None:

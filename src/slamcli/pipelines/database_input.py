@@ -14,6 +14,8 @@ import numpy as np
 
 from slamcli.errors import ConfigError, RecordingError, UsageError
 from slamcli.mapper import SensorOffer, Tier
+from slamcli.native.rtabmap_names import of_today
+from slamcli.native.settings import Setting
 from slamcli.parameters import as_dict, convert, declarations, resolve
 from slamcli.pipelines.config import NativeConfig
 from slamcli.pipelines.database_feed import DatabaseFeed
@@ -135,11 +137,13 @@ def _with_stored(config: NativeConfig, database: Database, log: RunLog) -> Nativ
     known = {entry.name: entry for entry in declarations(type(config.parameters))}
     stored: dict[str, Any] = {}
     unfit = []
-    for name, text in database.parameters().items():
-        if name not in known or name in config.sources:
+    for old_name, text in database.parameters().items():
+        setting = of_today(Setting(old_name, text, str(database.path), 0)).setting
+        name = "" if setting is None else setting.name
+        if setting is None or name not in known or name in config.sources:
             continue
         try:
-            stored[name] = convert(known[name], text)
+            stored[name] = convert(known[name], setting.value)
         except ConfigError:
             unfit.append(f"{name} {text}")
     values = as_dict(config.parameters)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import ConfigError, DataError
 from slamcli.rtabmap import _dictionary_kernels as kernels
+from slamcli.rtabmap.parameters.vision import KpGroup
 from slamcli.vision.binary_index import BinaryIndex, pack
 
 Ids = NDArray[np.int64]
@@ -34,6 +35,14 @@ class DictionarySettings:
     """Whether the words that an image makes are compared with its later descriptors (`Kp/NewWordsComparedTogether`)."""
     exact: bool = False
     """Whether all words are compared with (`Kp/NNStrategy` 0, 3 and 4), not only those that the index finds (1 and 2)."""
+
+
+def dictionary_settings(kp: KpGroup) -> DictionarySettings:
+    """Return how words are made and found."""
+    return DictionarySettings(
+        incremental=kp.incremental_dictionary, nndr_ratio=kp.nndr_ratio, exact=kp.nn_strategy in (0, 3),
+        new_words_compared_together=kp.new_words_compared_together,
+    )  # fmt: skip
 
 
 class Dictionary:

@@ -194,7 +194,7 @@ def _settle(parameters: RtabmapParameters, given: Collection[str], taken: _Taken
         told = ", ".join(f"{name} {_shown(value)}" for name, value in choices.items())
         log.note(f"set for {_sensors(taken)}: {told} (--set overrules)")
     if values["slamcli.odometry"] == "auto":
-        by_camera = "recording" if taken.odometry else "visual"
+        by_camera = "guided" if taken.odometry else "visual"
         choices |= {"slamcli.odometry": by_camera if taken.cameras in ("rgbd", "stereo") else "scan"}
     settled = resolve(RtabmapParameters, values, choices)
     _warn(settled, taken, log)

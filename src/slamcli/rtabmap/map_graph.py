@@ -57,6 +57,12 @@ class MapGraph:
         for end, links in self._linked.items():
             self._linked[end] = [link for link in links if id(link) not in gone]
 
+    def replace_link(self, old: Link, new: Link) -> None:
+        """Put a better measurement between the same ends in the place of an old one."""
+        self.links = [new if link is old else link for link in self.links]
+        for end in {old.from_id, old.to_id}:
+            self._linked[end] = [new if link is old else link for link in self._linked[end]]
+
     def merge(self, gone: int, kept: int) -> None:
         """Take a node out of the graph whose place another one holds; its links lead there now (RTAB-Map: neighbour merged)."""
         T_gone_kept = se3.inverse(self.T_map_base[gone]) @ self.T_map_base[kept]
@@ -70,6 +76,10 @@ class MapGraph:
             if kept not in (link.from_id, link.to_id):
                 self.add_link(_led_to(link, gone, kept, T_gone_kept))
         del self.nodes[gone], self.T_map_base[gone], self._linked[gone]
+
+    def links_of(self, node_id: int) -> Sequence[Link]:
+        """Return the links of a node, whichever end it is, in the order in which they came; none of an unknown node."""
+        return self._linked.get(node_id, ())
 
     def neighbours(self, node_id: int) -> list[int]:
         """Return what is linked to a node, landmarks too, in the order of the links."""

@@ -13,11 +13,11 @@ from slamcli.grids import OccupancyGrid
 from slamcli.grids.octree import Octree
 from slamcli.grids.voxel_odds import VoxelOdds
 from slamcli.measurements import PointCloud
-from slamcli.rtabmap.assembly import GridAssembly, in_map
+from slamcli.rtabmap.assembly import GridAssembly
 from slamcli.rtabmap.grid_settings import assembly_settings, local_grid_settings
 from slamcli.rtabmap.local_grid import SCAN, LocalGrid, LocalGridSettings, local_grid
 from slamcli.rtabmap.node_cloud import NodeCloud
-from slamcli.rtabmap.node_points import with_depth
+from slamcli.rtabmap.node_points import moved, with_depth
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 
@@ -108,7 +108,7 @@ class _Making:
             if found is None or traced != self._settings:
                 found = local_grid(images, scan, T_map_base, traced)
             if found is not None and found.spatial:
-                self._voxels.add(*(in_map(part, T_map_base) for part in (found.ground, found.obstacles, found.empty)))
+                self._voxels.add(*(moved(part, T_map_base) for part in (found.ground, found.obstacles, found.empty)))
 
     def maps(self, map_frame: str, stamp_ns: int) -> Maps:
         """Return them."""

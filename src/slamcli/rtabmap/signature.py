@@ -83,3 +83,8 @@ def no_features() -> Features:
         pixels=np.zeros((0, 2)), octaves=np.zeros(0, dtype=np.int64), angles=column, responses=column,
         descriptors=np.zeros((0, 32), dtype=np.uint8), sigmas=column, right=column, depth=column, raw_pixels=np.zeros((0, 2)),
     )  # fmt: skip
+
+
+def is_bad(signature: Signature) -> bool:
+    """Return whether a node has no words: it is no place that could be known again."""
+    return not (signature.word_ids > 0).any()

@@ -93,6 +93,8 @@ def _unpack_one(blob: bytes) -> tuple[StoredCamera, int]:
         fx=float(matrix[0, 0]), fy=float(matrix[1, 1]), cx=float(matrix[0, 2]), cy=float(matrix[1, 2]),
         width=width, height=height, baseline_m=baseline_m,
     )  # fmt: skip
+    if k is not None and p is not None and k[8] != 1.0:
+        k = matrix.reshape(-1)  # 0.23.8 wrote the beginning of P where K belongs
     pose = unpack_poses([blob[used - 48 : used] if num_pose else None])[0]
     camera = StoredCamera(
         pinhole=pinhole,

@@ -18,6 +18,7 @@ from slamcli.rtabmap.database.blobs import unpack_pose
 from slamcli.rtabmap.database.calibration_blobs import unpack_cameras
 from slamcli.rtabmap.database.cell_blobs import pack_cells, unpack_cells
 from slamcli.rtabmap.database.connection import Mode, OpenFile, open_file, sqlite_errors
+from slamcli.rtabmap.database.counting import Counts, read_counts
 from slamcli.rtabmap.database.records import (
     GeoFix,
     NodeStatistics,
@@ -86,7 +87,7 @@ class Database:
     def append(
         cls, path: Path | str, parameters_text: str = "", *, settings: StorageSettings | None = None, jobs: int = 1
     ) -> Self:
-        """Return a database that is continued; its tables must be those of 0.16 or later. No parameters: those of the last session."""
+        """Return a database that is continued; its tables must be those of 0.18 or later. No parameters: those of the last session."""
         return cls._begun(
             open_file(Path(path), "append", settings or StorageSettings()), parameters_text, settings, jobs
         )
@@ -246,6 +247,10 @@ class Database:
         """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id."""
         return self._read(feature_rows.read_words)
 
+    def read_words(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+        """Return those of some words that are there, as `words` does."""
+        return self._read(lambda connection: feature_rows.read_words(connection, ids))
+
     def update_word_ids(self, node_id: int, word_ids: NDArray[np.int64]) -> None:
         """Replace the words of a node's key points (N,), in their order; 0 leaves a key point as it is."""
         given = np.array(word_ids, dtype=np.int64)
@@ -272,6 +277,10 @@ class Database:
             summary_rows.set_entered(connection, working, self._file.clock.now)
 
         self._write(insert)
+
+    def counts(self) -> Counts:
+        """Return how much it holds."""
+        return self._read(read_counts)
 
     def parameters(self) -> dict[str, str]:
         """Return native names and values of the last session."""

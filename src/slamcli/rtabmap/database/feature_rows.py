@@ -119,9 +119,16 @@ def delete_words(connection: sqlite3.Connection, layout: Layout, ids: Iterable[i
     _forget_index(connection, layout)
 
 
-def read_words(connection: sqlite3.Connection) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-    """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id."""
-    rows = connection.execute("SELECT id, descriptor_size, descriptor FROM Word ORDER BY id").fetchall()
+def read_words(
+    connection: sqlite3.Connection, chosen: NDArray[np.int64] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+    """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id; of chosen words those that are there."""
+    query = "SELECT id, descriptor_size, descriptor FROM Word"
+    if chosen is None:
+        rows = connection.execute(f"{query} ORDER BY id").fetchall()
+    else:
+        found = (connection.execute(f"{query} WHERE id=?", (word,)).fetchone() for word in np.unique(chosen).tolist())
+        rows = [row for row in found if row is not None]
     if not rows:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 32), dtype=np.uint8)
     ids, sizes, descriptors = zip(*rows, strict=True)
@@ -130,16 +137,15 @@ def read_words(connection: sqlite3.Connection) -> tuple[NDArray[np.int64], NDArr
 
 def binary_descriptors(sizes: Iterable[Any], blobs: Iterable[Any], what: str) -> NDArray[np.uint8]:
     """Return uint8 (N, B) from equally long blobs; those that are missing are zeros."""
-    sizes, blobs = list(sizes), list(blobs)
-    length = max((len(blob) for blob in blobs if blob), default=32)
-    filled = [blob or bytes(length) for blob in blobs]
-    if any(len(blob) != length for blob in filled) or any(
-        size and blob and size != length for size, blob in zip(sizes, blobs, strict=True)
-    ):
+    kept = list(blobs)
+    lengths = {len(blob) for blob in kept if blob} or {32}
+    length = max(lengths)
+    if len(lengths) > 1 or not set(sizes) <= {None, 0, length}:
         raise FormatError(
             f"{what}: its descriptors are not binary (SURF, SIFT or SuperPoint?); extract them anew from the images"
         )
-    return np.frombuffer(b"".join(filled), dtype=np.uint8).reshape(-1, length)
+    missing = bytes(length)
+    return np.frombuffer(b"".join([blob or missing for blob in kept]), dtype=np.uint8).reshape(-1, length)
 
 
 def _forget_index(connection: sqlite3.Connection, layout: Layout) -> None:

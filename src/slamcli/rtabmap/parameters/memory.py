@@ -166,11 +166,13 @@ class MemGroup:
     )
     laser_scan_voxel_size: float = length("LaserScanVoxelSize", 0.0, "scans are thinned to one point per voxel; 0: not")
     laser_scan_normal_k: int = count(
-        "LaserScanNormalK", 0, "normals of scans from this many neighbours; 0: none", "points"
-    )
+        "LaserScanNormalK", 0, "normals kept with scans; here they are made where scans are matched (Icp/PointToPlaneK)",
+        "points", effective=False,
+    )  # fmt: skip
     laser_scan_normal_radius: float = length(
-        "LaserScanNormalRadius", 0.0, "normals of scans from neighbours in this radius; 0: none"
-    )
+        "LaserScanNormalRadius", 0.0, "normals kept with scans; here they are made where scans are matched (Icp/PointToPlaneRadius)",
+        effective=False,
+    )  # fmt: skip
     use_odom_features: bool = switch(
         "UseOdomFeatures", True, "take the features of own visual odometry instead of finding them again"
     )
