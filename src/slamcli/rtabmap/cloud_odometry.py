@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,8 +14,16 @@ from slamcli.errors import EstimationError
 from slamcli.geometry import se3
 from slamcli.geometry.motion import part_of
 from slamcli.measurements import PointCloud
-from slamcli.registration.cloud_icp import CloudAlignment, CloudIcpSettings, PreparedCloud, align_prepared, prepare_cloud
+from slamcli.registration.cloud_icp import (
+    CloudAlignment,
+    CloudIcpSettings,
+    PreparedCloud,
+    align_prepared,
+    prepare_cloud,
+    with_normals,
+)
 from slamcli.rtabmap.node_input import OdometryStep
+from slamcli.rtabmap.node_rate import motion_size
 from slamcli.rtabmap.node_scans import node_scan
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.scan_settings import ScanSettings
@@ -29,6 +38,11 @@ _WALK_M2, _WALK_M2_PER_M = 1e-6, 0.01**2
 _WALK_RAD2, _WALK_RAD2_PER_M = 1e-7, 0.002**2
 """Variances by which each step drifts, and per metre of way."""
 _LONGEST_PERIOD_S = 1.0
+_KEYFRAME_M, _KEYFRAME_RAD = 0.4, 0.25
+"""A cloud joins the local map after this way or turn too: what is seen from a sparse sensor changes sooner than its share of matches."""
+_WALLS_M = 5.0
+_GUESSES = 20
+"""Guesses whose errors tell how far points are matched (KISS-ICP: adaptive threshold, Vizzo et al., RA-L 2023)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +92,8 @@ class CloudOdometry:
         self._pose = np.eye(4)
         self._last_ns: int | None = None
         self._motion: tuple[Floats, float] | None = None
+        self._keyframe = np.eye(4)
+        self._errors_m: deque[float] = deque(maxlen=_GUESSES)
         self._lost = 0
         self.num_lost = 0
         """Clouds without a pose so far."""
@@ -96,7 +112,9 @@ class CloudOdometry:
         s = self._settings
         seconds = 0.0 if self._last_ns is None else (cloud.stamp_ns - self._last_ns) / 1e9
         motion = self._predicted(guess, seconds)
-        seen = node_scan(cloud, T_base_sensor, no_return, range_min_m=s.scans.range_min_m, range_max_m=s.scans.range_max_m)
+        seen = node_scan(
+            cloud, T_base_sensor, no_return, range_min_m=s.scans.range_min_m, range_max_m=s.scans.range_max_m
+        )
         scan = self._still(cloud, seen, motion, seconds)
         predicted = self._pose @ motion
         step = self._placed(cloud.stamp_ns, scan, predicted)
@@ -130,7 +148,7 @@ class CloudOdometry:
             return self._gone(stamp_ns, 0, 0)
         if self._map is None:
             return self._begun(stamp_ns, source, began_anew=self._last_ns is not None)
-        found = align_prepared(self._map, source, predicted, self._icp)
+        found = align_prepared(self._map, source, predicted, replace(self._icp, max_distance_m=self._reach()))
         if not self._believed(found, predicted):
             step = self._gone(stamp_ns, len(source), found.num_inliers)
             if self._settings.reset_countdown and self._lost >= self._settings.reset_countdown:
@@ -140,8 +158,10 @@ class CloudOdometry:
                 return self._begun(stamp_ns, source, began_anew=True)
             return step
         self._lost = 0
-        T = self._pose @ self._holonomic(se3.inverse(self._pose) @ found.T_target_source)
-        keyframe = found.inlier_ratio < self._settings.keyframe_ratio
+        self._errors_m.append(self._error(predicted, found.T_target_source))
+        T = self._holonomic(found.T_target_source)
+        way, turn = motion_size(se3.inverse(self._keyframe) @ T)
+        keyframe = found.inlier_ratio < self._settings.keyframe_ratio or way > _KEYFRAME_M or turn > _KEYFRAME_RAD
         if keyframe:
             self._remember(source, T)
         return OdometryStep(
@@ -151,21 +171,37 @@ class CloudOdometry:
 
     def _believed(self, found: CloudAlignment, predicted: Floats) -> bool:
         s = self._settings.scans
-        off = se3.inverse(predicted) @ found.T_target_source
-        turn = math.acos(min(1.0, max(-1.0, (float(np.trace(off[:3, :3])) - 1.0) / 2.0)))
+        way, turn = motion_size(se3.inverse(predicted) @ found.T_target_source)
         refused = s.low_complexity == 0 and found.complexity < s.min_complexity
         return (
             found.inlier_ratio >= s.correspondence_ratio
-            and float(np.linalg.norm(off[:3, 3])) <= s.max_translation_m
+            and way <= s.max_translation_m
             and turn <= s.max_rotation_rad
             and not refused
         )
+
+    def _reach(self) -> float:
+        """Return how far points are matched: by the errors of the last guesses, at most Icp/MaxCorrespondenceDistance."""
+        farthest = self._icp.max_distance_m
+        if self._lost or len(self._errors_m) < _GUESSES:
+            return farthest
+        rms = math.sqrt(sum(error**2 for error in self._errors_m) / len(self._errors_m))
+        return min(farthest, max(3.0 * rms, 3.0 * self._icp.voxel_m, 0.1))
+
+    def _error(self, predicted: Floats, found: Floats) -> float:
+        """Return how far a guess moved points from where they are, metres, at a distance at which rooms have walls."""
+        way, turn = motion_size(se3.inverse(predicted) @ found)
+        return way + _WALLS_M * turn
 
     def _gone(self, stamp_ns: int, num_points: int, num_inliers: int) -> OdometryStep:
         self._lost += 1
         self.num_lost += 1
         return OdometryStep(
-            stamp_ns=stamp_ns, T_odom_base=None, covariance=np.zeros((6, 6)), num_features=num_points, num_inliers=num_inliers
+            stamp_ns=stamp_ns,
+            T_odom_base=None,
+            covariance=np.zeros((6, 6)),
+            num_features=num_points,
+            num_inliers=num_inliers,
         )
 
     def _begun(self, stamp_ns: int, source: PreparedCloud, *, began_anew: bool) -> OdometryStep:
@@ -176,13 +212,13 @@ class CloudOdometry:
             num_features=len(source), num_inliers=len(source), keyframe=True,
         )  # fmt: skip
 
-    def _holonomic(self, motion: Floats) -> Floats:
-        """Return a motion without what a robot that cannot move sideways does not do (Odom/Holonomic false)."""
+    def _holonomic(self, T: Floats) -> Floats:
+        """Return a pose without what a robot that cannot move sideways did not do since the last one (Odom/Holonomic false)."""
         if self._settings.holonomic:
-            return motion
-        kept = motion.copy()
-        kept[1, 3] = motion[0, 3] * math.tan(math.atan2(motion[1, 0], motion[0, 0]))
-        return kept
+            return T
+        motion = se3.inverse(self._pose) @ T
+        motion[1, 3] = motion[0, 3] * math.tan(math.atan2(motion[1, 0], motion[0, 0]))
+        return self._pose @ motion
 
     def _covariance(self, found: CloudAlignment, T: Floats) -> Floats:
         way = float(np.linalg.norm(T[:3, 3] - self._pose[:3, 3]))
@@ -194,6 +230,7 @@ class CloudOdometry:
     def _remember(self, source: PreparedCloud, T: Floats) -> None:
         """Add to the local map what is new."""
         s = self._settings
+        self._keyframe = T
         points = source.points @ T[:3, :3].T + T[:3, 3]
         if self._map is None or s.frame_to_frame:
             merged = points
@@ -211,6 +248,7 @@ class CloudOdometry:
         indices, squared = (np.asarray(a) for a in self._map.tree.batch_nearest_neighbor_search(points, num_threads=1))
         new: NDArray[np.bool_] = squared > s.subtract_radius_m**2
         if s.subtract_angle_rad > 0.0:
+            source = with_normals(source, self._icp)
             normals = np.asarray(source.cloud.normals())[:, :3] @ T[:3, :3].T
             theirs = np.asarray(self._map.cloud.normals())[indices.astype(np.int64), :3]
             new |= np.abs((normals * theirs).sum(axis=1)) < math.cos(s.subtract_angle_rad)
