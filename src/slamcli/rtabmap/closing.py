@@ -15,7 +15,7 @@ from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, gr
 from slamcli.rtabmap.hypothesis import Hypothesis
 from slamcli.rtabmap.landmarks import MarkerFinder, prior_links
 from slamcli.rtabmap.links import Link, LinkKind
-from slamcli.rtabmap.local_bundle import adjusted_locally
+from slamcli.rtabmap.local_bundle import Around, adjusted_locally
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_rate import motion_size
@@ -123,9 +123,9 @@ class Closing:
         )  # fmt: skip
         old = self._memory.signature(old_id)
         if rgbd.local_bundle_on_loop_closure and old is not None:
-            around = self._around(old_id, graph)
+            beside = self._around(old_id, graph)
             found = adjusted_locally(
-                found, old, node, around, self._camera, self.T_base_camera, self._settings, seed=self._seed
+                found, old, node, beside, self._camera, self.T_base_camera, self._settings, seed=self._seed
             )
         found = self._by_scans_too(found, old, node)
         proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
