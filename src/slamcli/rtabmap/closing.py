@@ -115,7 +115,11 @@ class Closing:
         known = [candidate for candidate in known if not graph.are_linked(candidate.id, node.id)]
         if not known:
             return []
-        old_id, found = register_best(known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed)
+        rgbd = self._parameters.rgbd
+        old_id, found = register_best(
+            known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed,
+            guess=np.eye(4) if rgbd.loop_closure_identity_guess else None, inversely=rgbd.inverted_reg,
+        )  # fmt: skip
         found = self._by_scans_too(found, self._memory.signature(old_id), node)
         proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
         return [] if proposal is None else [proposal]

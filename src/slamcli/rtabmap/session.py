@@ -22,7 +22,7 @@ from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_input import NodeInput
 from slamcli.rtabmap.node_rate import flattened, has_moved
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.signature import Signature
+from slamcli.rtabmap.signature import Signature, is_bad
 from slamcli.rtabmap.update_record import UpdateRecord
 from slamcli.runtime import RunLog
 
@@ -76,6 +76,8 @@ class Session:
         signature = self._signature(node)
         if self._stands(signature, node):
             self.memory.rehearse(signature)
+            return None
+        if self._is_useless(signature):
             return None
         self._extend(signature, node)
         self.keeping.add(signature, node)
@@ -160,6 +162,12 @@ class Session:
         limits = self.parameters.rgbd
         return not has_moved(motion, limits.linear_update, limits.angular_update)
 
+    def _is_useless(self, signature: Signature) -> bool:
+        """Return whether an image with too few words makes no node (Mem/BadSignaturesIgnored), or does not begin a map."""
+        p = self.parameters
+        begins = self._previous is None and p.rtabmap.start_new_map_on_good_signature
+        return p.kp.max_features >= 0 and (p.mem.bad_signatures_ignored or begins) and is_bad(signature)
+
     def _extend(self, signature: Signature, node: NodeInput) -> None:
         """Put the node into the graph, tied to the one before it by odometry."""
         self._next_id += 1
@@ -173,13 +181,17 @@ class Session:
         motion = se3.inverse(self._previous.T_odom_base) @ signature.T_odom_base
         link = Link(
             from_id=self._previous.id, to_id=signature.id, kind=LinkKind.NEIGHBOR, T_from_to=motion,
-            information=information_of(node.covariance),
+            information=information_of(self._covariance(node)),
         )  # fmt: skip
         link = self.closing.refined(link, self._previous, signature)
         self.graph.add_node(own, self.graph.T_map_base[self._previous.id] @ link.T_from_to)
         self.graph.add_link(link)
         self.keeping.link([link])
         self._level(node, signature.id)
+
+    def _covariance(self, node: NodeInput) -> Floats:
+        covariance = node.covariance
+        return np.diag(np.diag(covariance)) if self.parameters.mem.cov_off_diag_ignored else covariance
 
     def _level(self, node: NodeInput, node_id: int) -> None:
         """Tell the graph which way is up at a node."""
