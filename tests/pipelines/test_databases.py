@@ -17,7 +17,7 @@ from slamcli.errors import RecordingError, UsageError
 from slamcli.geometry import se3
 from slamcli.gmapping import TIER as GMAPPING
 from slamcli.mapper import MappingResult, Setup
-from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud, RgbdFrame, SessionStart
+from slamcli.measurements import LaserScan, Measurement, Odometry, RgbdFrame, SessionStart
 from slamcli.outputs import check_directory
 from slamcli.pipelines.config import load_native
 from slamcli.pipelines.database_facts import database_facts
@@ -26,7 +26,9 @@ from slamcli.pipelines.database_poses import read_database_graph, read_database_
 from slamcli.pipelines.databases import DatabaseRequest, running_file
 from slamcli.pipelines.map import run_map
 from slamcli.pipelines.map_request import MapRequest
+from slamcli.pipelines.scan_cloud import cloud_of
 from slamcli.pipelines.sensor_request import SensorRequest
+from slamcli.pipelines.visual_places import AtlasChoices
 from slamcli.recordings import create_recording
 from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.rtabmap import TIER, RtabmapTier
@@ -108,8 +110,8 @@ class Opened:
 
 def test_nodes_are_measured_once_more(tmp_path: Path) -> None:
     found = Opened(write(tmp_path / "a.db"))
-    assert found.kinds == {"Odometry": 5, "PointCloud": 5, "RgbdFrame": 5, "SessionStart": 1}
-    assert [type(m) for m in found.measurements[:3]] == [Odometry, PointCloud, RgbdFrame]
+    assert found.kinds == {"Odometry": 5, "LaserScan": 5, "RgbdFrame": 5, "SessionStart": 1}
+    assert [type(m) for m in found.measurements[:3]] == [Odometry, LaserScan, RgbdFrame]
     start = next(i for i, m in enumerate(found.measurements) if isinstance(m, SessionStart))
     assert start == 9
     first, second = (m for m in found.measurements[:6] if isinstance(m, Odometry))
@@ -117,8 +119,10 @@ def test_nodes_are_measured_once_more(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.position_m, [0.2, 0.0, 0.0], atol=1e-6)
     assert second.covariance is not None
     np.testing.assert_allclose(second.covariance, np.eye(6) * 0.01)
-    cloud = next(m for m in found.measurements if isinstance(m, PointCloud))
-    np.testing.assert_allclose(cloud.points_m[0], [0.8, 0.1, 0.0], atol=1e-6)
+    scan = next(m for m in found.measurements if isinstance(m, LaserScan))
+    back = cloud_of(scan).points_m  # by angle; the beams are finer than the points lie apart
+    np.testing.assert_allclose(back[-1], [0.8, 0.1, 0.0], atol=2e-3)
+    assert (len(back), scan.range_max_m) == (7, 10.0)
     np.testing.assert_allclose(found.feed.T_base_laser["/scan"][:3, 3], [0.2, 0.0, 0.3], atol=1e-6)
     frame = next(m for m in found.measurements if isinstance(m, RgbdFrame))
     assert (frame.colour.encoding, frame.colour.pixels.shape) == ("rgb8", (24, 32, 3))
@@ -144,12 +148,12 @@ def test_its_parameters_lie_beneath_those_of_the_user(tmp_path: Path) -> None:
 def test_parts_of_it(tmp_path: Path) -> None:
     path = write(tmp_path / "a.db")
     assert set(Opened(path, odometry="none", scans=("none",)).kinds) == {"RgbdFrame", "SessionStart"}
-    assert set(Opened(path, mode="scan").kinds) == {"Odometry", "PointCloud", "SessionStart"}
+    assert set(Opened(path, mode="scan").kinds) == {"Odometry", "LaserScan", "SessionStart"}
     assert Opened(path, start_s=1.0, duration_s=1.0).kinds["RgbdFrame"] == 2  # of each session
     two = Opened(path, write(tmp_path / "b.db", maps=(0, 0)))
     assert (two.kinds["RgbdFrame"], two.kinds["SessionStart"]) == (7, 2)
     assert [m.source for m in two.measurements if isinstance(m, SessionStart)] == ["a.db, map 1", "b.db, map 0"]
-    assert set(Opened(write(tmp_path / "c.db", seen=False)).kinds) == {"Odometry", "PointCloud", "SessionStart"}
+    assert set(Opened(write(tmp_path / "c.db", seen=False)).kinds) == {"Odometry", "LaserScan", "SessionStart"}
 
 
 def test_what_does_not_fit(tmp_path: Path) -> None:
@@ -299,6 +303,53 @@ def test_nothing_is_left_where_nothing_was_read(tmp_path: Path, bag: Path, monke
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap"]
 
 
+def test_an_empty_one_that_was_left_is_no_loss(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Database.create(running_file(tmp_path / "out"), ""):
+        pass
+    log = mapped(monkeypatch, bag, tmp_path / "out")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", "out"]
+    assert not any("did not end" in note for note in log.notes)
+
+
+def test_a_map_that_stays_as_it_is(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = write(tmp_path / "home.db", maps=(0, 0))
+    seen: list[tuple[Setup, Any]] = []
+
+    def build(self: Any, parameters: Any, setup: Setup) -> Any:
+        seen.append((setup, parameters))
+        raise UsageError("enough")
+
+    monkeypatch.setattr(RtabmapTier, "build", build)
+    for how in ({"atlas": AtlasChoices(localise_only=True)}, {"sets": ("Mem/IncrementalMemory=false",)}):
+        request = MapRequest(
+            algo="rtabmap", inputs=[bag], output=tmp_path / "out", database=DatabaseRequest(file=file), **how
+        )  # type: ignore[arg-type]
+        with pytest.raises(UsageError, match="enough"):
+            run_map(request, RunLog())
+        setup, parameters = seen[-1]
+        assert setup.localise_only
+        assert not parameters.mem.incremental_memory
+        assert setup.database is not None
+        assert (setup.database.append, setup.database.keep) == (True, False)  # a copy
+        assert setup.database.path == running_file(tmp_path / "out")
+        assert not setup.database.path.exists()
+    with pytest.raises(UsageError, match="name the database to localise in"):
+        run_map(MapRequest(algo="rtabmap", inputs=[bag], sets=("Mem/IncrementalMemory=false",)), RunLog())
+    assert num_nodes(file) == 2
+    bytes_before = file.read_bytes()
+    monkeypatch.setattr(RtabmapTier, "build", lambda self, parameters, setup: Writing(setup, -1))
+    atlas = AtlasChoices(localise_only=True)
+    run_map(
+        MapRequest(
+            algo="rtabmap", inputs=[bag], output=tmp_path / "out", database=DatabaseRequest(file=file), atlas=atlas
+        ),
+        RunLog(),
+    )
+    assert file.read_bytes() == bytes_before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", "home.db", "out"]
+    assert not (tmp_path / "out" / "rtabmap.db").exists()
+
+
 def test_a_database_in_use_is_left_alone(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     left = write(running_file(tmp_path / "out"))
     assert not is_in_use(left)
@@ -319,7 +370,7 @@ def test_options_that_cannot_be(tmp_path: Path, bag: Path) -> None:
     for request, tier, localise, why in (
         (DatabaseRequest(file=file), GMAPPING, False, "--database: gmapping keeps no database; --algo rtabmap does"),
         (DatabaseRequest(anew=True), TIER, False, "--delete-db-on-start: name the database with --database"),
-        (DatabaseRequest(), TIER, True, "--localise-only: name the database to localise in with --database"),
+        (DatabaseRequest(), TIER, True, "name the database to localise in with --database"),
         (DatabaseRequest(file=tmp_path), TIER, False, "a folder; name a file"),
         (DatabaseRequest(file=bag), TIER, False, "it is the recording as well"),
         (DatabaseRequest(file=output / "x.db"), TIER, False, "lies in the folder of the result"),

@@ -133,6 +133,9 @@ def test_sweeps_take_the_values_of_rtabmaps_own_example() -> None:
         1,
     )
     assert not p.reg.force_3dof
+    assert (p.grid.sensor, p.grid.is_3d, p.grid.ray_tracing, p.grid.range_max) == (0, False, True, 20.0)
+    depth = plan(offer("mono", "rgbd", clouds=1), Grid__Sensor=1).parameters
+    assert (depth.grid.sensor, depth.grid.range_max) == (1, 5.0)
     assert plan(offer(clouds=1, flat_clouds=True)).parameters.reg.force_3dof
 
 
@@ -143,6 +146,7 @@ def test_sweeps_take_the_values_of_rtabmaps_own_example() -> None:
         (offer(scans=1), {"Reg__Strategy": 0}, "needs images"),
         (offer("mono", "rgbd"), {"Grid__Sensor": 0}, "asks for scans"),
         (offer(scans=1), {"Grid__Sensor": 2}, "asks for depth images"),
+        (offer("mono", "rgbd"), {"Mem__BinDataKept": False}, "images are not kept"),
     ],
 )
 def test_values_that_these_sensors_cannot_serve_are_warned_of(

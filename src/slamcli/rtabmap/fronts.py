@@ -41,6 +41,9 @@ class Front(Protocol):
     def images(self, prepared: PreparedFrame) -> NodeImages:
         """Return what a node keeps of a frame."""
 
+    def node_features(self, moment: Moment) -> Features:
+        """Return the key points that a node keeps; none for a robot without cameras."""
+
     def points(self, features: Features) -> Floats:
         """Return where key points lie, (N, 3), metres, base frame; NaN where unknown."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import quaternion
+from slamcli.mapper import Setup
 from slamcli.measurements import ImuSample
 from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.parameters import RtabmapParameters
@@ -32,7 +33,7 @@ class GravityTrack:
     Parameters
     ----------
     parameters
-        ``ImuFilter/*`` are read.
+        ``ImuFilter/*`` and ``Mem/UseOdomGravity`` are read.
     T_base_sensor
         Mount of each sensor by topic, float64 (4, 4).
     """
@@ -44,6 +45,7 @@ class GravityTrack:
         self._stamps: deque[int] = deque()
         self._levels: deque[Floats] = deque()
         self._force_sum, self._num_samples = 0.0, 0
+        self._by_odometry = parameters.mem.use_odom_gravity
 
     def add(self, sample: ImuSample) -> None:
         """Take the next sample; one that is not later than the last is left out."""
@@ -63,11 +65,14 @@ class GravityTrack:
             self._stamps.popleft()
             self._levels.popleft()
 
-    def at(self, stamp_ns: int) -> Floats | None:
+    def at(self, stamp_ns: int, T_odom_base: Floats) -> Floats | None:
         """Return the rotation (3, 3) of the base in a level frame at a stamp; its heading means nothing.
 
-        None where no sample is near, or what was felt is no gravity.
+        With ``Mem/UseOdomGravity`` that of the odometry's pose T_odom_base (4, 4), whose z is up then. None where no sample
+        is near, or what was felt is no gravity.
         """
+        if self._by_odometry:
+            return T_odom_base[:3, :3]
         low, high = _MEAN_FORCE_M_S2
         if not self._stamps or (self._num_samples and not low < self._force_sum / self._num_samples < high):
             return None
@@ -77,6 +82,13 @@ class GravityTrack:
         if abs(self._stamps[nearest] - stamp_ns) > _FARTHEST_NS:
             return None
         return self._levels[nearest]
+
+
+def gravity_track(parameters: RtabmapParameters, setup: Setup) -> GravityTrack | None:
+    """Return what takes an IMU's samples; None where gravity does not count (Optimizer/GravitySigma 0, Reg/Force3DoF)."""
+    if parameters.optimizer.gravity_sigma <= 0.0 or parameters.reg.force_3dof:
+        return None
+    return GravityTrack(parameters, setup.T_base_sensor)
 
 
 def gravity_link(node_id: int, R_level_base: Floats) -> Link:

@@ -189,7 +189,9 @@ def _settle(parameters: RtabmapParameters, given: Collection[str], taken: _Taken
     choices = {name: value for name, value in _needed(taken).items() if name not in given and value != values[name]}
     if values["Grid/Sensor"] == 0 or choices.get("Grid/Sensor") == 0:
         # As the node does: scanners see farther than depth cameras.
-        choices |= {} if "Grid/RangeMax" in given else {"Grid/RangeMax": 0.0}
+        choices = choices if "Grid/RangeMax" in given else {"Grid/RangeMax": 0.0} | choices
+    else:
+        choices.pop("Grid/RangeMax", None)
     if choices:
         told = ", ".join(f"{name} {_shown(value)}" for name, value in choices.items())
         log.note(f"set for {_sensors(taken)}: {told} (--set overrules)")
@@ -215,6 +217,8 @@ def _warn(settled: RtabmapParameters, taken: _Taken, log: RunLog) -> None:
         log.warn(f"Grid/Sensor {settled.grid.sensor} asks for scans, and none are used")
     if settled.rgbd.create_occupancy_grid and settled.grid.sensor != 0 and taken.cameras in (None, "mono"):
         log.warn(f"Grid/Sensor {settled.grid.sensor} asks for depth images, and none are used")
+    if taken.cameras is not None and not settled.mem.bin_data_kept:
+        log.warn("Mem/BinDataKept is off: images are not kept, so no map, cloud or dense model is made of them")
     if not taken.ranges and settled.rgbd.proximity_path_max_neighbors > 0:
         log.note("RGBD/ProximityPathMaxNeighbors has no effect: no scans are used")
 
@@ -237,7 +241,7 @@ def _needed(taken: _Taken) -> dict[str, Any]:
 
 
 _PLANAR: dict[str, Any] = {"Reg/Force3DoF": True}
-# RTAB-Map's example for 3D lidars.
+# RTAB-Map's example for 3D lidars, which makes no grid; that of the plane, with rings on the ground, needs these.
 _SWEEPS: dict[str, Any] = {
     "Icp/VoxelSize": 0.1,
     "Icp/MaxCorrespondenceDistance": 1.0,
@@ -251,6 +255,11 @@ _SWEEPS: dict[str, Any] = {
     "OdomF2M/ScanMaxSize": 15000,
     "Mem/STMSize": 30,
     "RGBD/ProximityMaxGraphDepth": 0,
+    "Grid/3D": False,
+    "Grid/RayTracing": True,
+    "Grid/RangeMax": 20.0,
+    "Grid/MaxObstacleHeight": 2.0,
+    "Icp/PointToPlaneGroundNormalsUp": 0.8,
 }
 
 

@@ -8,17 +8,19 @@ from numpy.typing import NDArray
 
 from slamcli.errors import EstimationError
 from slamcli.mapper import MappingResult, Setup
-from slamcli.measurements import Measurement, SessionStart
+from slamcli.measurements import ImuSample, Measurement, SessionStart
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.fronts import Front, front_of
+from slamcli.rtabmap.gravity import gravity_track
 from slamcli.rtabmap.moment import Moment
+from slamcli.rtabmap.motion_limits import MotionLimits
 from slamcli.rtabmap.node_input import NodeInput
 from slamcli.rtabmap.node_rate import NodeRate
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.result import result_of
+from slamcli.rtabmap.scan_thinning import kept_scan
 from slamcli.rtabmap.session import Session
 from slamcli.rtabmap.sessions import open_session
-from slamcli.rtabmap.signature import no_features
 
 
 class RtabmapMapper:
@@ -30,6 +32,8 @@ class RtabmapMapper:
         self._session: Session = open_session(parameters, setup, self._front)
         self._track = FrameTrack()
         self._rate = NodeRate(parameters.rtabmap.detection_rate)
+        self._gravity = gravity_track(parameters, setup)
+        self._limits = MotionLimits(parameters.rgbd)
         self._begins = True
         self._covariance: NDArray[np.float64] = np.zeros((6, 6))
 
@@ -38,8 +42,12 @@ class RtabmapMapper:
         if isinstance(measurement, SessionStart):
             self._end_recording()
             self._front = front_of(self._parameters, self._setup)
+            self._gravity = gravity_track(self._parameters, self._setup)
+            self._limits = MotionLimits(self._parameters.rgbd)
             self._begins = True
             return
+        if isinstance(measurement, ImuSample) and self._gravity is not None:
+            self._gravity.add(measurement)
         for moment in self._front.take(measurement):
             self._take(moment)
 
@@ -68,19 +76,21 @@ class RtabmapMapper:
 
     def _take(self, moment: Moment) -> None:
         step = moment.step
-        begins = step.T_odom_base is not None and (self._begins or step.began_anew)
+        jumped = self._limits.begins_anew(step)
+        begins = step.T_odom_base is not None and (self._begins or step.began_anew or jumped)
         self._track.add(step, begins=begins)
         if step.T_odom_base is None:
             return
         self._begins = False
         self._covariance = np.zeros((6, 6)) if begins else self._covariance + step.covariance
-        if not (self._rate.due(step.stamp_ns) or begins):
+        if not (self._rate.due(step.stamp_ns) or begins) or self._limits.too_fast:
             return
-        features = no_features() if moment.features is None else moment.features
+        features = self._front.node_features(moment)
         node = NodeInput(
             stamp_ns=step.stamp_ns, T_odom_base=step.T_odom_base, covariance=self._covariance, began_anew=begins,
-            features=features, points=self._front.points(features), scan=moment.scan,
-            images=None if moment.prepared is None else self._front.images(moment.prepared),
+            features=features, points=self._front.points(features), images=None if moment.prepared is None else self._front.images(moment.prepared),
+            scan=None if moment.scan is None else kept_scan(moment.scan, self._parameters.mem),
+            R_level_base=None if self._gravity is None else self._gravity.at(step.stamp_ns, step.T_odom_base),
         )  # fmt: skip
         node_id = self._session.update(node)
         if node_id is not None:

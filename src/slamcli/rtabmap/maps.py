@@ -24,6 +24,8 @@ from slamcli.rtabmap.signature import NodeImages, NodeScan
 Sensors = Callable[[int], tuple[NodeImages | None, NodeScan | None]]
 Keep = Callable[[int, LocalGrid], None]
 
+_STEP_M = 0.15
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Maps:
@@ -42,6 +44,7 @@ def build_maps(
     map_frame: str = "map",
     stamp_ns: int = 0,
     octree: bool = False,
+    floor_m: float | None = None,
     keep: Keep | None = None,
 ) -> Maps:
     """Return the maps of nodes; their sensors are read one after the other and forgotten, so memory grows with the place alone.
@@ -56,6 +59,9 @@ def build_maps(
         Of the cloud.
     octree
         Whether to make an octree; otherwise there is one only where ``Grid/3D`` and ``Grid/RayTracing`` are on.
+    floor_m
+        z of the floor in the map, where the cameras were held by hand and their height above it is not known otherwise. Unless
+        ``Grid/MaxGroundHeight`` is set, ground lies no higher than a step above it then: tables are obstacles.
     keep
         Takes each node's local grid, for the database.
 
@@ -67,6 +73,9 @@ def build_maps(
     poses = np.array([T for _, T in ordered], dtype=np.float64).reshape(-1, 4, 4)
     chosen = assembly_settings(parameters).chosen(poses)
     settings = local_grid_settings(parameters)
+    if floor_m is not None and settings.ground.max_ground_height_m == 0.0:
+        ground = replace(settings.ground, max_ground_height_m=floor_m + _STEP_M)
+        settings = replace(settings, map_frame_projection=True, ground=ground)
     making = _Making(parameters, settings, octree or (settings.spatial and settings.ray_tracing), keep)
     for row in chosen.tolist():
         node_id, T_map_base = ordered[row]

@@ -19,6 +19,7 @@ from slamcli.rtabmap.frame_track import FrameTrack, PlacedFrames
 from slamcli.rtabmap.links import CLOSURES, Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.maps import build_maps
+from slamcli.rtabmap.node_views import NodeViews
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.session import Session
 from slamcli.rtabmap.signature import NodeImages, NodeScan
@@ -97,13 +98,17 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
     graph, database = session.graph, session.keeping.database
     ids = chosen_component(graph, session.own_nodes)
     sensors = partial(_sensors, database)
-    up = _turn_upright(session, ids, setup)
+    up, floor_m = _turn_upright(session, ids, setup)
     T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
     placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
     stamps = np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64)
+    if not parameters.rgbd.create_occupancy_grid:
+        setup.log.note(
+            "RGBD/CreateOccupancyGrid is off: no map of the plane is made (--set RGBD/CreateOccupancyGrid=true)"
+        )
     maps = build_maps(
         zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
-        keep=None if session.keeping.fixed else session.keeping.keep_grid,
+        octree=setup.octree, floor_m=floor_m, keep=None if session.keeping.fixed else session.keeping.keep_grid,
     )  # fmt: skip
     session.close(ids, maps.grid)
     return MappingResult(
@@ -112,6 +117,9 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
         keyframe_graph=keyframe_graph(graph, ids), steps=columns(session.records), grid=maps.grid, cloud=maps.cloud,
         octree=maps.octree, summary={**summary_of(session, track, ids, placed), "up_from": up},
         database=None if setup.database is None else setup.database.path,
+        views=None if setup.database is None or setup.rig is None else NodeViews(
+            database=setup.database.path, ids=np.array(ids, dtype=np.int64), T_map_base=T_map_node,
+        ),
     )  # fmt: skip
 
 
@@ -119,19 +127,21 @@ def _sensors(database: Database, node_id: int) -> tuple[NodeImages | None, NodeS
     return database.read_images(node_id), database.read_scan(node_id)
 
 
-def _turn_upright(session: Session, ids: list[int], setup: Setup) -> str:
-    """Turn the map so that z is up, unless its base is known to be upright; return what told it."""
+def _turn_upright(session: Session, ids: list[int], setup: Setup) -> tuple[str, float | None]:
+    """Turn the map so that z is up, unless its base is known to be upright; return what told it, and z of the floor if that did."""
     graph = session.graph
     known = setup.rig is None or setup.rig.base_is_upright
     if known or ids[0] not in session.own_nodes:
-        return "base" if known else "database"
+        return "base" if known else "database", None
+    if any(link.kind == LinkKind.GRAVITY for link in graph.links_among(ids)):
+        return "imu", None
     T_map_base = np.array([graph.T_map_base[node_id] for node_id in ids])
     T_base_camera = session.closing.T_base_camera
     T_up_map, found = find_upright(
         ids, T_map_base, T_base_camera, partial(_sensors, session.keeping.database), setup.seed
     )
     graph.place(ids, T_up_map @ T_map_base)
-    return found.source
+    return found.source, found.floor_m
 
 
 def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: Floats, setup: Setup) -> Trajectory:

@@ -15,7 +15,7 @@ from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.scan_odometry import PlanarScanOdometry
 from slamcli.rtabmap.settings import scan_odometry_settings
-from slamcli.rtabmap.signature import NodeImages
+from slamcli.rtabmap.signature import NodeImages, no_features
 from slamcli.vision.features import Features
 from slamcli.vision.preparation import PreparedFrame
 
@@ -62,6 +62,10 @@ class PlanarFront:
             Always.
         """
         raise DataError(f"frame at {prepared.stamp_ns} ns: this robot has no cameras")
+
+    def node_features(self, moment: Moment) -> Features:  # noqa: ARG002
+        """Return no key points: there are no images."""
+        return no_features()
 
     def points(self, features: Features) -> Floats:
         """Return where key points lie: of none."""

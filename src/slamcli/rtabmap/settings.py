@@ -45,7 +45,7 @@ def word_settings(parameters: RtabmapParameters) -> FeatureSettings:
 def words_are_odometrys(parameters: RtabmapParameters) -> bool:
     """Return whether nodes take the key points of own visual odometry: if asked, and both are of one kind."""
     same = parameters.kp.detector_strategy == parameters.vis.feature_type
-    return parameters.slamcli.odometry == "visual" and parameters.mem.use_odom_features and same
+    return parameters.slamcli.odometry in ("visual", "guided") and parameters.mem.use_odom_features and same
 
 
 def _extraction(parameters: RtabmapParameters, group: KpGroup | VisGroup, detector: Detector) -> FeatureSettings:

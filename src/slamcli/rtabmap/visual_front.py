@@ -20,11 +20,11 @@ from slamcli.rtabmap.given_odometry import GivenOdometry, motion_covariance
 from slamcli.rtabmap.guided_odometry import GuidedOdometry
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import OdometryStep
-from slamcli.rtabmap.node_scans import node_scan
+from slamcli.rtabmap.node_scans import node_scan, sweep_ns
 from slamcli.rtabmap.odometry_settings import odometry_settings
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.settings import feature_settings, preparation_settings
-from slamcli.rtabmap.signature import NodeImages, NodeScan
+from slamcli.rtabmap.settings import feature_settings, preparation_settings, word_settings, words_are_odometrys
+from slamcli.rtabmap.signature import NodeImages, NodeScan, no_features
 from slamcli.rtabmap.visual_odometry import VisualOdometry
 from slamcli.vision.features import Features
 from slamcli.vision.preparation import Preparation, PreparedFrame
@@ -46,7 +46,11 @@ class VisualFront:
         if setup.rig is None:
             raise UsageError("rtabmap: there are no cameras to see with")
         self.preparation = Preparation(setup.rig, preparation_settings(parameters, setup.rig))
-        self._extractor = FeatureExtractor(feature_settings(parameters), self.preparation)
+        words = FeatureExtractor(word_settings(parameters), self.preparation)
+        is_given = parameters.slamcli.odometry == "recording"
+        self._extractor = words if is_given else FeatureExtractor(feature_settings(parameters), self.preparation)
+        self._words = None if is_given or words_are_odometrys(parameters) else words
+        """What finds the key points of nodes where those of odometry are others."""
         self.camera = self._extractor.camera
         self._setup = setup
         self._workers = ThreadPoolExecutor(1) if setup.jobs > 1 else None
@@ -62,6 +66,7 @@ class VisualFront:
             tracking = replace(tracking, reset_countdown=_LOST_UNTIL_ANEW)
         visual = VisualOdometry(tracking, self.camera, self.preparation.T_base_camera)
         self._visual = None if parameters.slamcli.odometry == "recording" else GuidedOdometry(visual, self._given)
+        self._deskews = parameters.odom.deskewing
         self._last: Floats | None = None
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
 
@@ -78,7 +83,9 @@ class VisualFront:
             self._given.add(measurement)
         elif isinstance(measurement, (LaserScan, PointCloud)) and self._scans is not None:
             mount = self._setup.T_base_laser[measurement.topic]
-            self._scans.append((measurement.stamp_ns, node_scan(measurement, mount, self._setup.no_return)))
+            moved = self._motion_of(measurement)
+            scan = node_scan(measurement, mount, self._setup.no_return, T_begin_end=moved)
+            self._scans.append((measurement.stamp_ns, scan))
         while self._waiting and self._ready(self._waiting[0].stamp_ns):
             yield self._moment(self._waiting.popleft())
 
@@ -96,6 +103,12 @@ class VisualFront:
             colour=seen.grey if seen.colour is None else seen.colour, camera=self.preparation.camera,
             T_base_camera=self.preparation.T_base_camera, depth=seen.depth, right=seen.right,
         )  # fmt: skip
+
+    def node_features(self, moment: Moment) -> Features:
+        """Return the key points that a node keeps of a frame."""
+        if moment.features is None or moment.prepared is None:
+            return no_features()
+        return moment.features if self._words is None else self._words.extract(moment.prepared)
 
     def points(self, features: Features) -> Floats:
         """Return where key points lie, (N, 3), metres, base frame; NaN where unknown."""
@@ -147,6 +160,13 @@ class VisualFront:
         motion = np.eye(4) if self._last is None else se3.inverse(self._last) @ pose
         self._last = pose
         return OdometryStep(stamp_ns=stamp_ns, T_odom_base=pose, covariance=motion_covariance(motion))
+
+    def _motion_of(self, sweep: LaserScan | PointCloud) -> Floats | None:
+        """Return how the base moved while a sweep was measured, by the recording's odometry; None where that is not known."""
+        if not self._deskews:
+            return None
+        begin, end = self._given.at(sweep.stamp_ns), self._given.at(sweep.stamp_ns + sweep_ns(sweep))
+        return None if begin is None or end is None else se3.inverse(begin) @ end
 
     def _scan_at(self, stamp_ns: int) -> NodeScan | None:
         """Return the scan that is nearest in time, moved to where the robot was at the stamp."""
