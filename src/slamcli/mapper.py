@@ -79,7 +79,8 @@ class DatabaseChoice:
     append: bool = False
     """Whether the file is there, and its map is gone on from; otherwise there is no such file yet."""
     keep: bool = False
-    """Whether the user named it, and it stays where it is; otherwise it ends in the folder of the result."""
+    """Whether the user named it, and it stays where it is; otherwise it ends in the folder of the result, or, if it is a copy to
+    localise in (`append`), nowhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

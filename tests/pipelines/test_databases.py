@@ -28,6 +28,7 @@ from slamcli.pipelines.map import run_map
 from slamcli.pipelines.map_request import MapRequest
 from slamcli.pipelines.scan_cloud import cloud_of
 from slamcli.pipelines.sensor_request import SensorRequest
+from slamcli.pipelines.visual_places import AtlasChoices
 from slamcli.recordings import create_recording
 from slamcli.recordings.sensor_picks import TopicNames
 from slamcli.rtabmap import TIER, RtabmapTier
@@ -310,6 +311,45 @@ def test_an_empty_one_that_was_left_is_no_loss(tmp_path: Path, bag: Path, monkey
     assert not any("did not end" in note for note in log.notes)
 
 
+def test_a_map_that_stays_as_it_is(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = write(tmp_path / "home.db", maps=(0, 0))
+    seen: list[tuple[Setup, Any]] = []
+
+    def build(self: Any, parameters: Any, setup: Setup) -> Any:
+        seen.append((setup, parameters))
+        raise UsageError("enough")
+
+    monkeypatch.setattr(RtabmapTier, "build", build)
+    for how in ({"atlas": AtlasChoices(localise_only=True)}, {"sets": ("Mem/IncrementalMemory=false",)}):
+        request = MapRequest(
+            algo="rtabmap", inputs=[bag], output=tmp_path / "out", database=DatabaseRequest(file=file), **how
+        )  # type: ignore[arg-type]
+        with pytest.raises(UsageError, match="enough"):
+            run_map(request, RunLog())
+        setup, parameters = seen[-1]
+        assert setup.localise_only
+        assert not parameters.mem.incremental_memory
+        assert setup.database is not None
+        assert (setup.database.append, setup.database.keep) == (True, False)  # a copy
+        assert setup.database.path == running_file(tmp_path / "out")
+        assert not setup.database.path.exists()
+    with pytest.raises(UsageError, match="name the database to localise in"):
+        run_map(MapRequest(algo="rtabmap", inputs=[bag], sets=("Mem/IncrementalMemory=false",)), RunLog())
+    assert num_nodes(file) == 2
+    bytes_before = file.read_bytes()
+    monkeypatch.setattr(RtabmapTier, "build", lambda self, parameters, setup: Writing(setup, -1))
+    atlas = AtlasChoices(localise_only=True)
+    run_map(
+        MapRequest(
+            algo="rtabmap", inputs=[bag], output=tmp_path / "out", database=DatabaseRequest(file=file), atlas=atlas
+        ),
+        RunLog(),
+    )
+    assert file.read_bytes() == bytes_before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", "home.db", "out"]
+    assert not (tmp_path / "out" / "rtabmap.db").exists()
+
+
 def test_a_database_in_use_is_left_alone(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     left = write(running_file(tmp_path / "out"))
     assert not is_in_use(left)
@@ -330,7 +370,7 @@ def test_options_that_cannot_be(tmp_path: Path, bag: Path) -> None:
     for request, tier, localise, why in (
         (DatabaseRequest(file=file), GMAPPING, False, "--database: gmapping keeps no database; --algo rtabmap does"),
         (DatabaseRequest(anew=True), TIER, False, "--delete-db-on-start: name the database with --database"),
-        (DatabaseRequest(), TIER, True, "--localise-only: name the database to localise in with --database"),
+        (DatabaseRequest(), TIER, True, "name the database to localise in with --database"),
         (DatabaseRequest(file=tmp_path), TIER, False, "a folder; name a file"),
         (DatabaseRequest(file=bag), TIER, False, "it is the recording as well"),
         (DatabaseRequest(file=output / "x.db"), TIER, False, "lies in the folder of the result"),

@@ -31,25 +31,25 @@ def track(*samples: ImuSample, mount: np.ndarray | None = None) -> GravityTrack:
 
 def test_up_is_told_in_the_base() -> None:
     mount = se3.from_position_quaternion(np.zeros(3), quaternion.from_roll_pitch_yaw(np.pi / 2, 0.0, 0.0))
-    found = track(*(sample(k * 10_000_000, (0.0, 9.81, 0.0)) for k in range(10)), mount=mount).at(52_000_000)
+    found = track(*(sample(k * 10_000_000, (0.0, 9.81, 0.0)) for k in range(10)), mount=mount).at(52_000_000, np.eye(4))
     assert found is not None
     np.testing.assert_allclose(found[2], mount[:3, :3] @ [0.0, 1.0, 0.0], atol=1e-9)
 
 
 def test_the_devices_own_orientation_goes_first() -> None:
     quat = quaternion.from_roll_pitch_yaw(0.2, 0.0, 0.0)
-    found = track(sample(0, (9.81, 0.0, 0.0), quat)).at(0)
+    found = track(sample(0, (9.81, 0.0, 0.0), quat)).at(0, np.eye(4))
     assert found is not None
     np.testing.assert_allclose(found, quaternion.to_matrix(quat), atol=1e-12)
 
 
 def test_where_nothing_is_known() -> None:
-    assert track().at(0) is None
-    assert track(sample(0, (0.0, 0.0, 9.81))).at(60_000_000) is None
-    assert track(sample(0, (0.0, 0.0, 1.0))).at(0) is None  # in g, or no gravity
+    assert track().at(0, np.eye(4)) is None
+    assert track(sample(0, (0.0, 0.0, 9.81))).at(60_000_000, np.eye(4)) is None
+    assert track(sample(0, (0.0, 0.0, 1.0))).at(0, np.eye(4)) is None  # in g, or no gravity
     old = track(*(sample(k * 1_000_000_000, (0.0, 0.0, 9.81)) for k in range(30)))
-    assert old.at(0) is None
-    assert old.at(29_000_000_000) is not None
+    assert old.at(0, np.eye(4)) is None
+    assert old.at(29_000_000_000, np.eye(4)) is not None
 
 
 def test_the_link_is_of_the_node_with_itself() -> None:
@@ -72,3 +72,9 @@ def test_a_merged_node_takes_its_gravity_along() -> None:
         graph.add_link(gravity_link(node_id, np.eye(3)))
     graph.merge(2, 1)
     assert [(link.from_id, link.to_id) for link in graph.links] == [(1, 1)]
+
+
+def test_odometry_may_say_which_way_is_up() -> None:
+    by_odometry = GravityTrack(resolve(RtabmapParameters, {"Mem/UseOdomGravity": True}), {})
+    T = se3.from_position_quaternion(np.ones(3), quaternion.from_roll_pitch_yaw(0.1, 0.2, 0.3))
+    np.testing.assert_array_equal(by_odometry.at(0, T), T[:3, :3])

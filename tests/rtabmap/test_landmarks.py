@@ -4,17 +4,20 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slamcli.geometry import se3
+from slamcli.rtabmap.closing import Closing
 from slamcli.rtabmap.graph import graph_settings, optimise_graph
-from slamcli.rtabmap.landmarks import UNKNOWN_VARIANCE, MarkerFinder, landmark_poses, prior_links
+from slamcli.rtabmap.landmarks import UNKNOWN_VARIANCE, MarkerFinder, prior_links
 from slamcli.rtabmap.links import Link, LinkKind
-from slamcli.rtabmap.parameters import GtsamGroup, MarkerGroup, OptimizerGroup
-from slamcli.rtabmap.signature import NodeImages
+from slamcli.rtabmap.map_graph import GraphNode, MapGraph
+from slamcli.rtabmap.parameters import GtsamGroup, MarkerGroup, OptimizerGroup, RgbdGroup, RtabmapParameters
+from slamcli.rtabmap.signature import NodeImages, Signature, no_features
 
 sys.path.append(str(Path(__file__).parents[1] / "vision"))
 from marker_scenes import CAMERA, facing, picture
@@ -71,11 +74,38 @@ def test_priors_place_the_map():
     seen = Link(
         from_id=1, to_id=-4, kind=LinkKind.LANDMARK, T_from_to=T_BASE_CAMERA @ SEEN, information=100 * np.eye(6)
     )
-    poses = {1: np.eye(4)}
-    poses |= landmark_poses([seen], poses)
+    held = MapGraph()
+    held.add_node(GraphNode(id=1, map_id=0, stamp_ns=0, T_odom_base=np.eye(4)), np.eye(4))
+    held.add_link(seen)
+    poses = held.T_map_base
     assert np.allclose(poses[-4], seen.T_from_to)
-    assert landmark_poses([seen], poses) == {}
     told = graph_settings(OptimizerGroup(), GtsamGroup(), planar=False)
     graph = optimise_graph([1, -4], np.array([poses[1], poses[-4]]), [seen, prior], told, root=1)
     assert np.allclose(graph.pose(-4), prior.T_from_to, atol=1e-3)
     assert np.allclose(graph.pose(1), prior.T_from_to @ se3.inverse(seen.T_from_to), atol=1e-3)
+
+
+def test_a_marker_that_was_seen_before_is_a_closure():
+    parameters = RtabmapParameters(
+        rgbd=RgbdGroup(marker_detection=True), marker=MarkerGroup(length=0.2, priors="4 10 0 1 0 0 1.5")
+    )
+    closing, graph = Closing(parameters, None, CAMERA, T_BASE_CAMERA, 0), MapGraph()
+    for number in (1, 2):
+        graph.add_node(GraphNode(id=number, map_id=0, stamp_ns=number, T_odom_base=np.eye(4)), np.eye(4))
+    node = Signature(
+        id=1, map_id=0, stamp_ns=1, T_odom_base=np.eye(4), features=no_features(), points=np.zeros((0, 3)),
+        word_ids=np.zeros(0, np.int64),
+    )  # fmt: skip
+    new, closures = closing.by_markers(node, images(), graph)
+    assert [(link.from_id, link.to_id, link.kind) for link in new] == [
+        (1, -4, LinkKind.LANDMARK), (-4, -4, LinkKind.POSE_PRIOR),
+    ]  # fmt: skip
+    assert closures == []
+    for link in new:
+        graph.add_link(link)
+    new, closures = closing.by_markers(replace(node, id=2), images(), graph)
+    assert new == []
+    assert [(one.link.from_id, one.link.to_id) for one in closures] == [(2, -4)]
+    assert closing.by_markers(node, None, graph) == ([], [])
+    off = Closing(replace(parameters, rgbd=RgbdGroup()), None, CAMERA, T_BASE_CAMERA, 0)
+    assert off.by_markers(node, images(), graph) == ([], [])

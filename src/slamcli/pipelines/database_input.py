@@ -25,6 +25,8 @@ from slamcli.recordings.sensor_picks import NONE
 from slamcli.rtabmap.database import Database, is_database
 from slamcli.runtime import RunLog
 
+_OF_THE_RUN = ("Mem/IncrementalMemory",)
+"""Parameters that say what a run was for, not how it maps."""
 _RATE, _ODOMETRY = "Rtabmap/DetectionRate", "slamcli.odometry"
 
 

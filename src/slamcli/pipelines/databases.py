@@ -6,17 +6,20 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from slamcli.errors import FormatError, UsageError
 from slamcli.mapper import DatabaseChoice, MappingResult, Tier
 from slamcli.outputs import check_file
+from slamcli.parameters import as_dict, resolve
+from slamcli.pipelines.config import NativeConfig
 from slamcli.rtabmap.database import Database, is_in_use
 from slamcli.runtime import RunLog
 
 FILE = "rtabmap.db"
 """Its name in the folder of a result."""
+_INCREMENTAL = "Mem/IncrementalMemory"
 _BESIDE = ("-journal", "-wal", "-shm")
 
 
@@ -46,7 +49,9 @@ class DatabaseRequest:
             if self.anew:
                 raise UsageError("--delete-db-on-start: name the database with --database")
             if localise_only:
-                raise UsageError("--localise-only: name the database to localise in with --database")
+                raise UsageError(
+                    "--localise-only (Mem/IncrementalMemory false): name the database to localise in with --database"
+                )
             return
         self._check_file(inputs, output, localise_only=localise_only)
 
@@ -73,8 +78,8 @@ class DatabaseRequest:
         """Whether the file is there, and is gone on from."""
         return self.file is not None and self.file.is_file() and not self.anew
 
-    def begin(self, output: Path, log: RunLog) -> DatabaseChoice:
-        """Make way for the database, and return where it lies.
+    def begin(self, output: Path, log: RunLog, *, localise_only: bool = False) -> DatabaseChoice:
+        """Make way for the database, and return where it lies; one that must not change is copied there.
 
         What a run that was killed left beside the result is moved aside, never removed, unless there is no node in it.
 
@@ -83,7 +88,7 @@ class DatabaseRequest:
         UsageError
             If another process uses the file.
         """
-        if self.file is not None:
+        if self.file is not None and not localise_only:
             choice = DatabaseChoice(path=self.file, append=self.appends, keep=True)
             if self.anew and self.file.is_file():
                 _check_free(self.file)
@@ -106,7 +111,22 @@ class DatabaseRequest:
             log.note(
                 f"an earlier run that did not end left its database: it lies in {aside} now (--database goes on in it)"
             )
-        return DatabaseChoice(path=path)
+        if self.file is not None:
+            _check_free(self.file)
+            shutil.copyfile(self.file, path)
+        return DatabaseChoice(path=path, append=self.file is not None)
+
+
+def localising(tier: Tier, config: NativeConfig, asked: bool) -> tuple[NativeConfig, bool]:
+    """Return the configuration and whether the map stays as it is: by ``--localise-only``, or by the tier's own parameter."""
+    if not tier.remembers:
+        return config, asked
+    values = as_dict(config.parameters)
+    localise_only = asked or values.get(_INCREMENTAL) is False
+    if localise_only and _INCREMENTAL in values:
+        parameters = resolve(type(config.parameters), values, {_INCREMENTAL: False})
+        config = replace(config, parameters=parameters)
+    return config, localise_only
 
 
 def running_file(output: Path) -> Path:
@@ -121,7 +141,7 @@ def put_into(folder: Path, result: MappingResult, choice: DatabaseChoice | None)
     The file beside the folder is there still, so that nothing is lost if the folder is not finished; `remove_running`
     removes it.
     """
-    if choice is None or choice.keep or result.database is None:
+    if choice is None or choice.keep or is_scratch(choice) or result.database is None:
         return ()
     try:
         os.link(result.database, folder / FILE)
@@ -132,8 +152,13 @@ def put_into(folder: Path, result: MappingResult, choice: DatabaseChoice | None)
 
 def remove_running(choice: DatabaseChoice | None) -> None:
     """Remove the database beside the result, once it lies in its folder, or nothing was written into it."""
-    if choice is not None and not choice.append:
+    if choice is not None and (is_scratch(choice) or not choice.append):
         _remove(choice.path)
+
+
+def is_scratch(choice: DatabaseChoice | None) -> bool:
+    """Return whether it is a copy of a database that must not change: worth nothing once the run is over."""
+    return choice is not None and choice.append and not choice.keep
 
 
 def _remove(path: Path) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from slamcli.errors import CalibrationError, InputError, UsageError
+from slamcli.errors import CalibrationError, SlamcliError, UsageError
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.mapper import DatabaseChoice, MappingResult, Setup, Tier, find_resuming_tier, find_tier
 from slamcli.outputs import atomic_directory, check_directory, check_file
@@ -19,7 +19,7 @@ from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.camera_request import depth_unit
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.database_input import are_databases, open_databases
-from slamcli.pipelines.databases import put_into, remove_running
+from slamcli.pipelines.databases import is_scratch, localising, put_into, remove_running
 from slamcli.pipelines.dense import DenseModel, check_dense, dense_model, is_empty, model_of_views
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.feeds import Feed, find_feed
@@ -66,8 +66,9 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     if request.choices.octomap and not tier.remembers:
         raise UsageError("--octomap: octrees are made by systems that keep what their sensors saw (--algo rtabmap)")
     output = request.output or default_output(request.inputs or request.files)
-    request.database.check(tier, request.inputs, output, localise_only=request.atlas.localise_only)
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
+    config, localise_only = localising(tier, config, request.atlas.localise_only)
+    request.database.check(tier, request.inputs, output, localise_only=localise_only)
     check_directory(output)
     if request.save_state is not None:
         check_file(request.save_state)
@@ -76,7 +77,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         digests = background.submit(describe_inputs, request.files) if all(p.exists() for p in request.files) else None
         state = load_states(request.load_states, request.load_frozen_states, log)
         if request.inputs or state is None:
-            run = _from_recording(request, config, state, output, log)
+            run = _from_recording(request, config, state, output, log, localise_only=localise_only)
         else:
             run = _from_state(request, config, state, log)
         inputs = digests.result() if digests is not None else []
@@ -94,7 +95,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         )  # fmt: skip
         declared = declarations(type(config.parameters))
         document = write_records(folder, document, result, written, score=score, declared=declared)
-    if moved:
+    if moved or is_scratch(run.database):
         remove_running(run.database)
     if request.save_state is not None and result.state is not None:
         write_state(request.save_state, result.state)
@@ -116,15 +117,15 @@ class _Run:
 
 
 def _from_recording(
-    request: MapRequest, config: NativeConfig, state: MapState | None, output: Path, log: RunLog
+    request: MapRequest, config: NativeConfig, state: MapState | None, output: Path, log: RunLog, *, localise_only: bool
 ) -> _Run:
     """Map the recording, from the state on if there is one."""
     tier = find_tier(request.algo)
     with _opened(request, config, tier, log) as feed:
         check_dense(request.choices.of_dense, feed.cameras, remembered=tier.remembers)
         check_dimensions(state, spatial=feed.plan.spatial)
-        setup = _setup(request, feed, state, log)
-        database = request.database.begin(output, log) if tier.remembers else None
+        setup = replace(_setup(request, feed, state, log), localise_only=localise_only)
+        database = request.database.begin(output, log, localise_only=localise_only) if tier.remembers else None
         result = _mapped(feed, tier, replace(setup, database=database), log)
         dense = _dense(request, feed, result, log)
     return _Run(
@@ -176,8 +177,8 @@ def _mapped(feed: Feed, tier: Tier, setup: Setup, log: RunLog) -> MappingResult:
                 num += 1
                 mapper.process(measurement)
         return mapper.finish()
-    except InputError:
-        if num == 0:
+    except SlamcliError:
+        if num == 0 or is_scratch(setup.database):
             remove_running(setup.database)
         raise
 
@@ -244,7 +245,6 @@ def _setup(request: MapRequest, feed: Feed, state: MapState | None, log: RunLog)
         jobs=request.jobs,
         state=state,
         atlas=request.atlas.read_atlas(log),
-        localise_only=request.atlas.localise_only,
         octree=request.choices.octomap,
         vocabulary=_vocabulary(request, feed, log),
         no_return=request.mends.no_return,

@@ -13,6 +13,7 @@ from slamcli.geometry import se3
 from slamcli.rtabmap.closure_check import ClosureCheck, ClosureRecord, Verdict, closure_link, closure_record
 from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, graph_settings
 from slamcli.rtabmap.hypothesis import Hypothesis
+from slamcli.rtabmap.landmarks import MarkerFinder, prior_links
 from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory import Memory
@@ -22,7 +23,7 @@ from slamcli.rtabmap.registration import Registration, refused
 from slamcli.rtabmap.scan_proximity import ScanProximity
 from slamcli.rtabmap.scan_registration import refined_by_scans, refined_motion
 from slamcli.rtabmap.scan_settings import ScanSettings
-from slamcli.rtabmap.signature import NodeScan, Signature
+from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
 from slamcli.rtabmap.visual_proximity import visual_proximity, visual_proximity_in_time
 from slamcli.rtabmap.visual_registration import register_best, register_visual
 from slamcli.rtabmap.visual_settings import visual_settings
@@ -74,6 +75,9 @@ class Closing:
         self._scan_settings = ScanSettings.of(parameters)
         self._scan_proximity = ScanProximity(parameters)
         self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust)
+        markers = parameters.rgbd.marker_detection and camera is not None
+        self._markers = MarkerFinder(parameters.marker) if markers else None
+        self._marker_priors = {link.from_id: link for link in prior_links(parameters.marker)} if markers else {}
         self.records: list[ClosureRecord] = []
         """Places that were compared, with what came of it."""
 
@@ -111,10 +115,26 @@ class Closing:
         known = [candidate for candidate in known if not graph.are_linked(candidate.id, node.id)]
         if not known:
             return []
-        old_id, found = register_best(known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed)
+        rgbd = self._parameters.rgbd
+        old_id, found = register_best(
+            known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed,
+            guess=np.eye(4) if rgbd.loop_closure_identity_guess else None, inversely=rgbd.inverted_reg,
+        )  # fmt: skip
         found = self._by_scans_too(found, self._memory.signature(old_id), node)
         proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
         return [] if proposal is None else [proposal]
+
+    def by_markers(
+        self, node: Signature, images: NodeImages | None, graph: MapGraph
+    ) -> tuple[list[Link], list[Proposal]]:
+        """Return links to markers that were not seen before, with what is told of them, and closures by known ones."""
+        if self._markers is None or images is None:
+            return [], []
+        seen = self._markers.links(node.id, images)
+        known = [link for link in seen if link.to_id in graph.T_map_base]
+        new = [link for link in seen if link.to_id not in graph.T_map_base]
+        told = [self._marker_priors[link.to_id] for link in new if link.to_id in self._marker_priors]
+        return [*new, *told], [_by_marker(link, node.stamp_ns) for link in known]
 
     def by_place(self, node: Signature, graph: MapGraph) -> list[Proposal]:
         """Return the closures with places near by, in space and in time, by looks and by scans."""
@@ -216,6 +236,13 @@ class Closing:
         )
 
 
+def _by_marker(link: Link, stamp_ns: int) -> Proposal:
+    """Return a closure by a marker that other nodes saw too."""
+    covariance = np.asarray(np.linalg.inv(link.information), dtype=np.float64)
+    seen = Registration(T_a_b=link.T_from_to, covariance=covariance, matches=np.zeros((0, 2), dtype=np.int64))
+    return Proposal(link=link, stamp_ns=stamp_ns, registration=seen)
+
+
 def information_of(covariance: Floats) -> Floats:
     """Return the inverse of a covariance (6, 6) of a motion; what is known better than 0.1 mm and 0.01 degree is not."""
     floor = np.diag([1e-8, 1e-8, 1e-8, 3e-8, 3e-8, 3e-8])
@@ -229,7 +256,7 @@ def _near_in_map(graph: MapGraph, node_id: int) -> list[int]:
     component = set(graph.component(node_id))
     found: list[tuple[float, int]] = []
     for other, T in graph.T_map_base.items():
-        if other < node_id and other in component and not graph.are_linked(other, node_id):
+        if 0 < other < node_id and other in component and not graph.are_linked(other, node_id):
             way, turn = motion_size(se3.inverse(T) @ here)
             if way <= _NEAR_M and turn <= _NEAR_RAD:
                 found.append((way + turn, other))

@@ -33,7 +33,7 @@ class GravityTrack:
     Parameters
     ----------
     parameters
-        ``ImuFilter/*`` are read.
+        ``ImuFilter/*`` and ``Mem/UseOdomGravity`` are read.
     T_base_sensor
         Mount of each sensor by topic, float64 (4, 4).
     """
@@ -45,6 +45,7 @@ class GravityTrack:
         self._stamps: deque[int] = deque()
         self._levels: deque[Floats] = deque()
         self._force_sum, self._num_samples = 0.0, 0
+        self._by_odometry = parameters.mem.use_odom_gravity
 
     def add(self, sample: ImuSample) -> None:
         """Take the next sample; one that is not later than the last is left out."""
@@ -64,11 +65,14 @@ class GravityTrack:
             self._stamps.popleft()
             self._levels.popleft()
 
-    def at(self, stamp_ns: int) -> Floats | None:
+    def at(self, stamp_ns: int, T_odom_base: Floats) -> Floats | None:
         """Return the rotation (3, 3) of the base in a level frame at a stamp; its heading means nothing.
 
-        None where no sample is near, or what was felt is no gravity.
+        With ``Mem/UseOdomGravity`` that of the odometry's pose T_odom_base (4, 4), whose z is up then. None where no sample
+        is near, or what was felt is no gravity.
         """
+        if self._by_odometry:
+            return T_odom_base[:3, :3]
         low, high = _MEAN_FORCE_M_S2
         if not self._stamps or (self._num_samples and not low < self._force_sum / self._num_samples < high):
             return None

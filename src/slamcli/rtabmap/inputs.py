@@ -217,6 +217,8 @@ def _warn(settled: RtabmapParameters, taken: _Taken, log: RunLog) -> None:
         log.warn(f"Grid/Sensor {settled.grid.sensor} asks for scans, and none are used")
     if settled.rgbd.create_occupancy_grid and settled.grid.sensor != 0 and taken.cameras in (None, "mono"):
         log.warn(f"Grid/Sensor {settled.grid.sensor} asks for depth images, and none are used")
+    if taken.cameras is not None and not settled.mem.bin_data_kept:
+        log.warn("Mem/BinDataKept is off: images are not kept, so no map, cloud or dense model is made of them")
     if not taken.ranges and settled.rgbd.proximity_path_max_neighbors > 0:
         log.note("RGBD/ProximityPathMaxNeighbors has no effect: no scans are used")
 

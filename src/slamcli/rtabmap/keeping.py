@@ -23,15 +23,15 @@ from slamcli.rtabmap.update_record import UpdateRecord
 class Keeping:
     """Writes nodes, links, words and statistics; one transaction a node."""
 
-    def __init__(self, database: Database, *, bin_data: bool) -> None:
+    def __init__(self, database: Database, *, bin_data: bool, labels: bool = True) -> None:
         self.database = database
-        self._bin_data = bin_data
+        self._bin_data, self._labels = bin_data, labels
         self.fixed = database.mode == "read"
         """Whether nothing is written."""
 
     def add(self, signature: Signature, node: NodeInput) -> None:
         """Write a node."""
-        label = f"map{signature.map_id}" if node.began_anew else None
+        label = f"map{signature.map_id}" if node.began_anew and self._labels else None
         self.database.add_node(signature, weight=0, label=label, images=node.images if self._bin_data else None)
 
     def link(self, links: Sequence[Link]) -> None:

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -92,15 +90,6 @@ def prior_links(settings: MarkerGroup) -> list[Link]:
         )
         for number, pose in settings.prior_of_each.items()
     ]  # fmt: skip
-
-
-def landmark_poses(links: Sequence[Link], T_map_base: dict[int, Floats]) -> dict[int, Floats]:
-    """Return where landmarks begin that have no pose yet, by id: where the first node that saw each one puts it."""
-    found: dict[int, Floats] = {}
-    for link in links:
-        if link.kind == LinkKind.LANDMARK and link.to_id not in T_map_base and link.to_id not in found:
-            found[link.to_id] = T_map_base[link.from_id] @ link.T_from_to
-    return found
 
 
 def _measured(corners: Floats, images: NodeImages, limit_m: float) -> float:

@@ -45,8 +45,10 @@ class MapGraph:
         self._linked.setdefault(node.id, [])
 
     def add_link(self, link: Link) -> None:
-        """Take a link; nothing moves by it yet."""
+        """Take a link; nothing moves by it yet. A landmark begins where the first node that saw it puts it."""
         self.links.append(link)
+        if link.kind == LinkKind.LANDMARK and link.to_id not in self.T_map_base:
+            self.T_map_base[link.to_id] = self.T_map_base[link.from_id] @ link.T_from_to
         for end in {link.from_id, link.to_id}:
             self._linked.setdefault(end, []).append(link)
 

@@ -13,6 +13,7 @@ from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.fronts import Front, front_of
 from slamcli.rtabmap.gravity import gravity_track
 from slamcli.rtabmap.moment import Moment
+from slamcli.rtabmap.motion_limits import MotionLimits
 from slamcli.rtabmap.node_input import NodeInput
 from slamcli.rtabmap.node_rate import NodeRate
 from slamcli.rtabmap.parameters import RtabmapParameters
@@ -32,6 +33,7 @@ class RtabmapMapper:
         self._track = FrameTrack()
         self._rate = NodeRate(parameters.rtabmap.detection_rate)
         self._gravity = gravity_track(parameters, setup)
+        self._limits = MotionLimits(parameters.rgbd)
         self._begins = True
         self._covariance: NDArray[np.float64] = np.zeros((6, 6))
 
@@ -41,6 +43,7 @@ class RtabmapMapper:
             self._end_recording()
             self._front = front_of(self._parameters, self._setup)
             self._gravity = gravity_track(self._parameters, self._setup)
+            self._limits = MotionLimits(self._parameters.rgbd)
             self._begins = True
             return
         if isinstance(measurement, ImuSample) and self._gravity is not None:
@@ -73,21 +76,22 @@ class RtabmapMapper:
 
     def _take(self, moment: Moment) -> None:
         step = moment.step
-        begins = step.T_odom_base is not None and (self._begins or step.began_anew)
+        jumped = self._limits.begins_anew(step)
+        begins = step.T_odom_base is not None and (self._begins or step.began_anew or jumped)
         self._track.add(step, begins=begins)
         if step.T_odom_base is None:
             return
         self._begins = False
         self._covariance = np.zeros((6, 6)) if begins else self._covariance + step.covariance * step.adds_up
-        if not (self._rate.due(step.stamp_ns) or begins):
+        if not (self._rate.due(step.stamp_ns) or begins) or self._limits.too_fast:
             return
         features = self._front.node_features(moment)
         covariance = self._covariance if step.adds_up else self._covariance + step.covariance
         node = NodeInput(
             stamp_ns=step.stamp_ns, T_odom_base=step.T_odom_base, covariance=covariance, began_anew=begins,
-            features=features, points=self._front.points(features), scan=None if moment.scan is None else kept_scan(moment.scan, self._parameters.mem),
-            images=None if moment.prepared is None else self._front.images(moment.prepared),
-            R_level_base=None if self._gravity is None else self._gravity.at(step.stamp_ns),
+            features=features, points=self._front.points(features), images=None if moment.prepared is None else self._front.images(moment.prepared),
+            scan=None if moment.scan is None else kept_scan(moment.scan, self._parameters.mem),
+            R_level_base=None if self._gravity is None else self._gravity.at(step.stamp_ns, step.T_odom_base),
         )  # fmt: skip
         node_id = self._session.update(node)
         if node_id is not None:

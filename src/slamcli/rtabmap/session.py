@@ -22,7 +22,7 @@ from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_input import NodeInput
 from slamcli.rtabmap.node_rate import flattened, has_moved
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.signature import Signature
+from slamcli.rtabmap.signature import Signature, is_bad
 from slamcli.rtabmap.update_record import UpdateRecord
 from slamcli.runtime import RunLog
 
@@ -77,6 +77,8 @@ class Session:
         if self._stands(signature, node):
             self.memory.rehearse(signature)
             return None
+        if self._is_useless(signature):
+            return None
         self._extend(signature, node)
         self.keeping.add(signature, node)
         added = self.memory.add(signature, self.graph)
@@ -84,7 +86,12 @@ class Session:
             self._merge(gone, kept)
         hypothesis = self._detector.hypothesis(signature, self.graph)
         retrieved = self.memory.retrieve(hypothesis.node, self.graph)
+        landmarks, by_markers = self.closing.by_markers(signature, node.images, self.graph)
+        for link in landmarks:
+            self.graph.add_link(link)
+        self.keeping.link([link for link in landmarks if link.kind == LinkKind.LANDMARK])
         proposals = [
+            *by_markers,
             *self.closing.by_looks(signature, hypothesis, self.graph),
             *self.closing.by_place(signature, self.graph),
         ]
@@ -155,6 +162,12 @@ class Session:
         limits = self.parameters.rgbd
         return not has_moved(motion, limits.linear_update, limits.angular_update)
 
+    def _is_useless(self, signature: Signature) -> bool:
+        """Return whether an image with too few words makes no node (Mem/BadSignaturesIgnored), or does not begin a map."""
+        p = self.parameters
+        begins = self._previous is None and p.rtabmap.start_new_map_on_good_signature
+        return p.kp.max_features >= 0 and (p.mem.bad_signatures_ignored or begins) and is_bad(signature)
+
     def _extend(self, signature: Signature, node: NodeInput) -> None:
         """Put the node into the graph, tied to the one before it by odometry."""
         self._next_id += 1
@@ -168,13 +181,17 @@ class Session:
         motion = se3.inverse(self._previous.T_odom_base) @ signature.T_odom_base
         link = Link(
             from_id=self._previous.id, to_id=signature.id, kind=LinkKind.NEIGHBOR, T_from_to=motion,
-            information=information_of(node.covariance),
+            information=information_of(self._covariance(node)),
         )  # fmt: skip
         link = self.closing.refined(link, self._previous, signature)
         self.graph.add_node(own, self.graph.T_map_base[self._previous.id] @ link.T_from_to)
         self.graph.add_link(link)
         self.keeping.link([link])
         self._level(node, signature.id)
+
+    def _covariance(self, node: NodeInput) -> Floats:
+        covariance = node.covariance
+        return np.diag(np.diag(covariance)) if self.parameters.mem.cov_off_diag_ignored else covariance
 
     def _level(self, node: NodeInput, node_id: int) -> None:
         """Tell the graph which way is up at a node."""
@@ -189,7 +206,8 @@ class Session:
         """Return the closures that the graph bears, and how many nodes the optimisation moved."""
         if not proposals:
             return [], 0
-        ids = self._scope([node_id, *(proposal.link.from_id for proposal in proposals)], everything=everything)
+        ends = [node_id, *(end for one in proposals for end in (one.link.from_id, one.link.to_id))]
+        ids = self._scope(ends, everything=everything)
         verdict = self.closing.judge(ids, self.graph, proposals)
         if verdict.graph is None and len(proposals) > 1:  # one wrong closure must not take the right ones along
             return self._one_by_one(node_id, proposals, everything=everything)
@@ -205,6 +223,8 @@ class Session:
         taken = {(link.from_id, link.to_id) for link in verdict.accepted}
         accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
         for proposal in accepted:
+            if proposal.link.kind == LinkKind.LANDMARK:
+                continue
             self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
         return accepted, verdict.graph.moved
 

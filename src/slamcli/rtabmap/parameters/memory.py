@@ -177,7 +177,9 @@ class MemGroup:
         "UseOdomFeatures", True, "take the features of own visual odometry instead of finding them again"
     )
     use_odom_gravity: bool = switch("UseOdomGravity", False, "which way is down comes from odometry instead of the IMU")
-    cov_off_diag_ignored: bool = switch("CovOffDiagIgnored", True, "only the diagonal of odometry's covariance counts")
+    cov_off_diag_ignored: bool = switch(
+        "CovOffDiagIgnored", False, "only the diagonal of odometry's covariance counts (RTAB-Map: true)"
+    )
     global_descriptor_strategy: int = choice(
         "GlobalDescriptorStrategy", 0, "one descriptor of the whole image", {0: "none"}, {1: "PyDescriptor"}
     )
