@@ -21,8 +21,8 @@ class KpGroup:
     """``Kp``: key points that become words."""
 
     nn_strategy: int = choice(
-        "NNStrategy", 1, "search of the nearest word; exact here whichever is named", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
-        {4: "brute force on a GPU"}, effective=False,
+        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with likely ones", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
+        {4: "brute force on a GPU"},
     )  # fmt: skip
     incremental_dictionary: bool = switch(
         "IncrementalDictionary", True, "new words are added; false: the dictionary is fixed"
