@@ -62,7 +62,7 @@ class OdomGroup:
     align_with_ground: bool = switch(
         "AlignWithGround",
         False,
-        "level the first pose by the ground; here an IMU or, of cameras held anyhow, the finished map tells what is level",
+        "the first pose is turned so that the ground is level; here maps are turned upright in the end",
         effective=False,
     )
     deskewing: bool = switch("Deskewing", True, "points of a sweep are moved to where they were at its stamp")
@@ -79,13 +79,9 @@ class OdomF2mGroup:
         "MaxNewFeatures", 0, "points that a keyframe adds at most, by response; 0: any", "points"
     )
     init_depth_factor: float = number(
-        "InitDepthFactor",
-        0.05,
-        "a key point without depth begins at this times the focal length in pixels",
-        "m/px",
-        1e-6,
-        1e3,
-    )
+        "InitDepthFactor", 0.05, "depth at which a key point without depth begins; here it is followed where another view knew its depth",
+        effective=False,
+    )  # fmt: skip
     floor_threshold: float = number(
         "FloorThreshold", 0.0, "only points higher above the base frame are tracked; 0: all", "m", -1e6, 1e6
     )
@@ -98,8 +94,9 @@ class OdomF2mGroup:
     )
     scan_range: float = length("ScanRange", 0.0, "points of the local map farther away are dropped; 0: the oldest are")
     valid_depth_ratio: float = share(
-        "ValidDepthRatio", 0.75, "key points without depth are added if at least this share of a frame's has depth"
-    )
+        "ValidDepthRatio", 0.75, "key points without depth are added if at least this share of a frame's has depth; here they never are",
+        effective=False,
+    )  # fmt: skip
     bundle_adjustment: int = choice(
         "BundleAdjustment", 1, "adjust the local map", {0: "no", 1: "yes", 2: "yes (cvsba)", 3: "yes (Ceres)"}
     )
@@ -116,7 +113,10 @@ class OdomF2mGroup:
         "BundleAdjustmentMaxKeyFramesPerFeature", 0, "views of a point that count at most; 0: all", "frames"
     )
     bundle_update_feature_map_on_all_frames: bool = switch(
-        "BundleUpdateFeatureMapOnAllFrames", False, "points are adjusted on every frame, not on keyframes alone"
+        "BundleUpdateFeatureMapOnAllFrames",
+        False,
+        "points are adjusted on every frame; here on keyframes alone",
+        effective=False,
     )
 
 
