@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
@@ -20,7 +20,7 @@ from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 from slamcli.vision.pictures import KeyframeView, PlaceView
-from slamcli.vision.pinhole import Pinhole
+from slamcli.vision.posed_view import DepthViews
 from slamcli.vision.visual_atlas import VisualAtlas
 from slamcli.vision.vocabulary import Vocabulary
 
@@ -58,25 +58,6 @@ class MappingResult:
     """What the cameras saw at the nodes, for dense models; None: the recording is read again."""
     database: Path | None = None
     """The long-term memory of a tier that keeps one (`Setup.database`), closed."""
-
-
-class PosedView(NamedTuple):
-    """Colours and depth as the ideal camera saw them, and where it was."""
-
-    colour: NDArray[np.uint8]
-    """uint8 (H, W, 3), red, green, blue."""
-    depth: NDArray[np.float32]
-    """float32 (H, W), metres along z; 0 where unknown."""
-    camera: Pinhole
-    T_map_camera: NDArray[np.float64]
-    """float64 (4, 4)."""
-
-
-class DepthViews(Protocol):
-    """Views that can be gone through more than once, one at a time."""
-
-    def __iter__(self) -> Iterator[PosedView]:
-        """Go through them in the order of time."""
 
 
 class Mapper(Protocol):
@@ -125,6 +106,8 @@ class Setup:
     """The long-term memory, for tiers that keep one (`Tier.remembers`)."""
     vocabulary: Vocabulary | None = None
     """By which tiers that see know places again; None: by descriptors alone."""
+    octree: bool = False
+    """Whether an octree is asked for, of tiers that can make one."""
     no_return: str = "ignore"
     """What an inf or maximum-range beam means: ignore, free (clears up to the usable range) or max (an end point)."""
     log: RunLog = field(default_factory=RunLog)

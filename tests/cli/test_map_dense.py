@@ -19,11 +19,11 @@ WORDS = ["map", "--algo", "orbslam3", str(DESK), "--duration", "0.6"]
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Results with a dense cloud and with a mesh."""
+    """Results with a dense cloud, a mesh, and a mesh with pictures."""
     base = tmp_path_factory.mktemp("dense")
-    for kind in ("cloud", "mesh"):
+    for kind in ("cloud", "mesh", "texture"):
         assert run([*WORDS, "--dense", kind, "--dense-voxel", "0.04", "-o", str(base / kind)]) == 0
-    return {kind: base / kind for kind in ("cloud", "mesh")}
+    return {kind: base / kind for kind in ("cloud", "mesh", "texture")}
 
 
 def test_everything_is_there(folders: dict[str, Path]) -> None:
@@ -72,11 +72,28 @@ def test_open3d_reads_the_triangles(folders: dict[str, Path]) -> None:
     assert np.asarray(read.triangles).max() < len(mesh.points_m)
 
 
+def test_open3d_reads_the_pictures(folders: dict[str, Path]) -> None:
+    o3d = pytest.importorskip("open3d")
+    read = o3d.io.read_triangle_mesh(str(folders["texture"] / "dense.obj"))
+    mesh = read_cloud(folders["mesh"] / "dense.ply")
+    assert len(read.triangles) > 3000
+    picture = np.asarray(read.textures[int(np.asarray(read.triangle_material_ids)[0])])
+    places = np.asarray(read.triangle_uvs)
+    assert places.min() >= 0.0
+    assert places.max() <= 1.0
+    # Seen at its corners, the picture has the colours of the mesh. open3d turns pictures upside down as it reads them.
+    row, column = (places[:, 1] * picture.shape[0]).astype(int), (places[:, 0] * picture.shape[1]).astype(int)
+    seen = picture[np.minimum(row, picture.shape[0] - 1), np.minimum(column, picture.shape[1] - 1)]
+    assert mesh.colours is not None
+    np.testing.assert_allclose(np.median(seen, axis=0), np.median(mesh.colours, axis=0), atol=15)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (("--mode", "mono"), "--dense cloud: needs depth images (--mode rgbd), and this is mono"),
         (("--dense", "none", "--dense-range", "2"), "--dense-voxel and --dense-range go with --dense cloud"),
+        (("--octomap",), "--octomap: octrees are made by systems that keep what their sensors saw"),
         (("--dense-voxel", "0"), "Invalid value for '--dense-voxel'"),
     ],
 )

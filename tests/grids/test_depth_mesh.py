@@ -15,7 +15,7 @@ CAMERA = (150.0, 150.0, 79.5, 59.5)
 
 def fused(views=3, shift=0.05):
     """A wall at x = 2 m of a camera that looks along x, from places that move along the wall."""
-    fusion = DepthFusion(0.03, 4.0, CAMERA)
+    fusion = DepthFusion(0.03, 4.0)
     colour = np.full((120, 160, 3), (200, 100, 50), np.uint8)
     depth = np.full((120, 160), 2.0, np.float32)
     depth[:, :10] = 0.0
@@ -23,7 +23,7 @@ def fused(views=3, shift=0.05):
     R_map_camera = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
     for i in range(views):
         T_map_camera = se3.from_rotation_translation(R_map_camera, np.array([0.007, shift * i, 0.3]))
-        fusion.add(depth, colour, se3.inverse(T_map_camera))
+        fusion.add(depth, colour, CAMERA, se3.inverse(T_map_camera))
     return fusion.mesh()
 
 
@@ -45,6 +45,6 @@ def test_the_same_bytes_every_time():
 
 
 def test_nothing_seen_is_an_empty_mesh():
-    fusion = DepthFusion(0.03, 4.0, CAMERA)
-    fusion.add(np.zeros((120, 160), np.float32), np.zeros((120, 160, 3), np.uint8), np.eye(4))
+    fusion = DepthFusion(0.03, 4.0)
+    fusion.add(np.zeros((120, 160), np.float32), np.zeros((120, 160, 3), np.uint8), CAMERA, np.eye(4))
     assert [len(part) for part in fusion.mesh()] == [0, 0, 0]

@@ -14,6 +14,7 @@ from slamcli.native.rtabmap_names import NOT_HERE, REMOVED, RENAMED, of_today
 from slamcli.native.settings import Setting, find_native
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.config import NativeConfig, load_native
+from slamcli.rtabmap.database import Database
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.runtime import RunLog
 
@@ -104,7 +105,7 @@ def test_a_complete_ini_gives_what_differs_from_the_default(tmp_path: Path) -> N
     log = RunLog()
     config = load(tmp_path, "b.ini", text + "KAZE\\Upright = false\nMem\\OfTomorrow = 1\n", log)
     assert list(config.sources) == ["Mem/STMSize"]
-    assert [note for note in log.notes if "KAZE/" in note]
+    assert [note for note in log.notes if "KAZE/" in note] == []
     assert log.warnings == [f"{tmp_path / 'b.ini'}: unknown here and left out: Mem/OfTomorrow"]
 
 
@@ -245,3 +246,15 @@ def test_a_launch_file_that_starts_odometry_has_it_computed(tmp_path: Path, kind
       <param name="subscribe_odom" value="true"/></node></launch>"""
     config = load(tmp_path, "a.launch", text)
     assert (value(config, "subscribe_odom"), value(config, "slamcli.odometry")) == (False, odometry)
+
+
+def test_a_database_says_what_it_was_made_with(tmp_path: Path) -> None:
+    file = tmp_path / "map.db"
+    with Database.create(file, "Kp/MaxFeatures:640;Mem/STMSize:10;Kp/RoiRatios:0.0 0.0 0.0 0.0;KAZE/Upright:false"):
+        pass
+    log = RunLog()
+    config = load_native("rtabmap", [file], log=log)
+    assert dict(config.sources) == {"Kp/MaxFeatures": str(file)}
+    assert value(config, "Kp/MaxFeatures") == 640
+    with pytest.raises(ConfigError, match="no such file"):
+        load_native("rtabmap", [tmp_path / "other.db"])

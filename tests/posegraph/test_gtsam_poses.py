@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pose_graphs import SIGMAS, lap_graph, rms
+from lap_graphs import SIGMAS, lap_graph, rms
 
 from slamcli.errors import EstimationError
 from slamcli.geometry import se3

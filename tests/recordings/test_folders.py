@@ -229,7 +229,7 @@ def test_the_commands_take_a_folder(tmp_path: Path, capsys: pytest.CaptureFixtur
     document = json.loads(capsys.readouterr().out)
     assert document["format"] == "KITTI odometry folder"
     fits = {tier["tier"]: tier["mode"] for tier in document["tiers"] if tier["runs"]}
-    assert fits == {"rtabmap": "stereo", "orbslam3": "stereo"}
+    assert fits == {"rtabmap": "stereo and its own odometry", "orbslam3": "stereo"}
     assert run(["doctor", folder]) == 0
     assert "0 errors, 0 warnings" in capsys.readouterr().out
     assert run(["view", folder, "-o", str(tmp_path / "v.png")]) == 0

@@ -99,7 +99,7 @@ def test_which_tiers_can_run(tmp_path: Path) -> None:
     tiers = _tiers(_record(tmp_path / "a.mcap", ("/scan", "/odom"), 3))
     assert tiers["gmapping"] == (True, "scans and odometry", {"scan": "/scan", "odom": "/odom"})
     assert tiers["cartographer"] == (True, "2D", {"scan": "/scan", "odom": "/odom"})
-    assert tiers["rtabmap"] == (False, "needs colour and depth images, or a stereo pair", {})
+    assert tiers["rtabmap"] == (True, "planar scans and odometry", {"scan": "/scan", "odom": "/odom"})
     assert tiers["orbslam3"] == (False, "needs camera images", {})
 
     tiers = _tiers(_record(tmp_path / "b.mcap", ("/points", "/imu"), 3))
@@ -118,16 +118,24 @@ def test_which_tiers_can_run(tmp_path: Path) -> None:
     topics = ("/cam/rgb/image", "/cam/rgb/camera_info", "/cam/depth/image", "/cam/depth/camera_info")
     tiers = _tiers(_record(tmp_path / "c.mcap", topics, 3))
     roles = {"rgb": "/cam/rgb/image", "depth": "/cam/depth/image", "camera_info": "/cam/rgb/camera_info"}
-    assert tiers["rtabmap"] == (True, "RGB-D", roles)
+    assert tiers["rtabmap"] == (True, "RGB-D and its own odometry", roles)
     assert tiers["orbslam3"] == (True, "RGB-D", roles)
 
     tiers = _tiers(_record(tmp_path / "d.mcap", ("/left/image", "/right/image", "/imu"), 3))
     pair = {"left": "/left/image", "right": "/right/image"}
-    assert tiers["rtabmap"] == (True, "stereo, calibration to be given with --camera-info", pair)
+    mode = "stereo and its own odometry, calibration to be given with --camera-info"
+    assert tiers["rtabmap"] == (True, mode, {**pair, "imu": "/imu"})
     assert tiers["orbslam3"][1:] == (
         "stereo with IMU, calibration to be given with --camera-info",
         {**pair, "imu": "/imu"},
     )
+
+    tiers = _tiers(_record(tmp_path / "e.mcap", (*topics, "/scan", "/odom"), 3))
+    mode = "RGB-D, planar scans and odometry (--mode rgbd or scan)"
+    assert tiers["rtabmap"] == (True, mode, {**roles, "scan": "/scan", "odom": "/odom"})
+    tiers = _tiers(_record(tmp_path / "f.mcap", ("/cam/rgb/image", "/odom"), 3))
+    why = "needs colour and depth images, a stereo pair, or scans or point clouds"
+    assert tiers["rtabmap"] == (False, why, {})
 
 
 def test_the_calibration_that_belongs_to_an_image() -> None:
@@ -184,7 +192,7 @@ def test_the_command_as_text_and_json(tmp_path: Path, capsys: pytest.CaptureFixt
     assert {tier["tier"]: tier["runs"] for tier in document["tiers"]} == {
         "gmapping": True,
         "cartographer": True,
-        "rtabmap": False,
+        "rtabmap": True,
         "orbslam3": True,
     }
 

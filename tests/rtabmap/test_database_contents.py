@@ -243,5 +243,47 @@ def test_descriptors_that_are_not_binary_are_refused(tmp_path: Path) -> None:
 
 
 def test_there_is_no_such_node(tmp_path: Path) -> None:
-    with Database.read(worlds.written(tmp_path / "a.db")) as database, pytest.raises(FormatError, match="no node 77"):
+    with (
+        Database.read(worlds.written(tmp_path / "a.db")) as database,
+        pytest.raises(FormatError, match=r"a\.db: node 77: there is no such node"),
+    ):
         database.read_signature(77)
+
+
+def test_several_cameras_are_read_one_by_one(tmp_path: Path) -> None:
+    path = tmp_path / "a.db"
+    left, wide = worlds.images(1), worlds.images(1)
+    both = replace(
+        wide,
+        colour=np.hstack([left.colour, left.colour[::-1]]),
+        depth=np.hstack([left.depth, left.depth + np.float32(1.0)]),
+    )
+    with Database.create(path, "", settings=StorageSettings(image_encoding=".png")) as database:
+        database.add_node(worlds.signature(1), weight=0, images=both)
+    with worlds.raw(path) as connection:
+        connection.execute("UPDATE Data SET calibration = CAST(calibration || calibration AS BLOB)")
+    with Database.read(path) as database:
+        first, second = database.read_images(1), database.read_images(1, camera=1)
+        assert first is not None
+        assert second is not None
+        assert np.array_equal(first.colour, left.colour)
+        assert np.array_equal(second.colour, left.colour[::-1])
+        assert np.array_equal(first.depth, left.depth)
+        assert second.camera == left.camera
+        assert len(database.read_cameras(1)) == 2
+
+
+def test_depth_that_was_kept_smaller_is_enlarged(tmp_path: Path) -> None:
+    path = tmp_path / "a.db"
+    with Database.create(path, "") as database:
+        database.add_node(
+            worlds.signature(1), weight=0, images=replace(worlds.images(1), depth=worlds.images(1).depth[::2, ::2])
+        )
+        database.add_node(
+            worlds.signature(2), weight=0, images=replace(worlds.images(1), depth=worlds.images(1).depth[:30])
+        )
+        images = database.read_images(1)
+        assert images is not None
+        assert np.array_equal(images.depth, np.kron(worlds.images(1).depth[::2, ::2], np.ones((2, 2), np.float32)))
+        with pytest.raises(FormatError, match="64 x 30 beside one of 64 x 48"):
+            database.read_images(2)

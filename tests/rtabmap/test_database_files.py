@@ -14,6 +14,7 @@ from contextlib import closing
 from pathlib import Path
 
 import database_worlds as worlds
+import numpy as np
 import pytest
 
 from slamcli.errors import FormatError, InputError
@@ -258,3 +259,73 @@ def test_sqlite_is_tuned_as_asked(tmp_path: Path) -> None:
             for name in ("cache_size", "journal_mode", "synchronous", "temp_store")
         ]
     assert told == [321, "persist", 1, 1]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_closing_twice_does_nothing(tmp_path: Path, jobs: int) -> None:
+    with Database.create(tmp_path / "a.db", "", jobs=jobs) as database:
+        worlds.fill(database, 1)
+        database.close()
+        database.close(commit=False)
+    with Database.read(tmp_path / "a.db") as database:
+        assert len(database.nodes()) == 1
+
+
+LEFT_OPEN = """
+import sys
+from pathlib import Path
+import database_worlds as worlds
+from slamcli.rtabmap.database import Database
+database = Database.create(Path(sys.argv[1]), "", jobs=int(sys.argv[2]))
+worlds.fill(database, 3)
+database.add_node(worlds.signature(9), weight=0)
+raise SystemExit(2)
+"""
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_program_that_ends_without_closing_leaves_nothing_beside_the_file(tmp_path: Path, jobs: str) -> None:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    ended = subprocess.run(
+        [sys.executable, "-c", LEFT_OPEN, str(tmp_path / "a.db"), jobs],
+        env=environment,
+        check=False,
+        capture_output=True,
+    )
+    assert (ended.returncode, ended.stderr) == (2, b"")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.db"]
+    with Database.read(tmp_path / "a.db") as database:
+        assert database.nodes().ids.tolist() == [1, 2, 3]
+
+
+def test_random_damage_is_always_one_line_that_names_the_file(tmp_path: Path) -> None:
+    """Bytes changed here and there: each question is answered, or refused by name."""
+    data = worlds.written(tmp_path / "whole.db", 3).read_bytes()
+    path = tmp_path / "damaged.db"
+    rng = np.random.default_rng(8)
+    said: list[str] = []
+    whole = ["nodes", "links", "words", "parameters", "read_statistics", "optimised", "grid", "last_working_ids"]
+    of_nodes = ["read_signature", "read_images", "read_scan", "read_local_grid", "read_cameras", "links"]
+    questions = [*((name, ()) for name in whole), *((name, (i,)) for name in of_nodes for i in (1, 2, 3))]
+    for _ in range(40):
+        damaged = bytearray(data)
+        for at in rng.integers(0, len(data) - 8, int(rng.integers(1, 30))):
+            damaged[at : at + 4] = rng.integers(0, 256, 4, dtype=np.uint8).tobytes()
+        path.write_bytes(bytes(damaged))
+        try:
+            with Database.read(path) as database:
+                said += [
+                    answer for name, arguments in questions if (answer := refusal(getattr(database, name), *arguments))
+                ]
+        except FormatError as error:
+            said.append(str(error))
+    assert len(said) > 20
+    assert [message for message in said if not message.startswith(f"{path}: ") or "\n" in message] == []
+
+
+def refusal(question: Callable[..., object], *arguments: int) -> str:
+    try:
+        question(*arguments)
+    except FormatError as error:
+        return str(error)
+    return ""

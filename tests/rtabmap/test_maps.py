@@ -150,3 +150,25 @@ def test_settings_that_exclude_each_other_are_off():
     assert local_grid_settings(parameters(Grid__MaxGroundAngle=90.0)).ground.max_angle_rad == pytest.approx(np.pi / 2)
     with pytest.raises(ConfigError, match="must be below"):
         assembly_settings(parameters(GridGlobal__ProbClampingMin=0.9, GridGlobal__ProbClampingMax=0.5))
+
+
+def test_tables_are_obstacles_where_the_floor_is_known():
+    floor, table = wall(3.0), wall(3.0)
+    depth = table.depth.copy()
+    v, u = np.mgrid[0:48, 0:64]
+    top = 0.4 / np.maximum((v - 24.0) / 32.0, 1e-9)  # 0.6 m above the floor
+    on = (np.abs(u - 32) < 12) & (top > 1.0) & (top < 1.6)
+    depth[on] = top[on]
+    images = {1: floor, 2: replace(table, depth=depth)}
+    given = {"Grid__DepthDecimation": 1, "Grid__MinClusterSize": 3, "Grid__NormalK": 8}
+    grids = [
+        build_maps([(2, np.eye(4))], lambda i: (images[i], None), parameters(**given), floor_m=floor_m).grid
+        for floor_m in (None, 0.0)
+    ]
+    cells = []
+    for grid in grids:
+        column, row = (int((v - o) // grid.resolution_m) for v, o in zip((1.3, 0.0), grid.origin[:2], strict=True))
+        cells.append(grid.cells[row - 3 : row + 4, column - 3 : column + 4])
+    assert (cells[0] == 100).sum() == 0
+    assert (cells[0] == 0).sum() > 5
+    assert (cells[1] == 100).sum() > 5

@@ -133,6 +133,9 @@ def test_sweeps_take_the_values_of_rtabmaps_own_example() -> None:
         1,
     )
     assert not p.reg.force_3dof
+    assert (p.grid.sensor, p.grid.is_3d, p.grid.ray_tracing, p.grid.range_max) == (0, False, True, 20.0)
+    depth = plan(offer("mono", "rgbd", clouds=1), Grid__Sensor=1).parameters
+    assert (depth.grid.sensor, depth.grid.range_max) == (1, 5.0)
     assert plan(offer(clouds=1, flat_clouds=True)).parameters.reg.force_3dof
 
 

@@ -72,6 +72,14 @@ def test_lists_in_one_text() -> None:
     assert p.bayes.prediction[:3] == (0.1, 0.36, 0.3)
 
 
+def test_markers_by_number() -> None:
+    p = resolve(
+        RtabmapParameters, {"Marker/Lengths": "1:0.1 7:0.25", "Marker/Priors": "7 1 2 3 0 0 1.57|9 0 0 0 0 0 0"}
+    ).marker
+    assert p.length_of_each == {1: 0.1, 7: 0.25}
+    assert p.prior_of_each == {7: (1.0, 2.0, 3.0, 0.0, 0.0, 1.57), 9: (0.0,) * 6}
+
+
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
@@ -82,7 +90,7 @@ def test_lists_in_one_text() -> None:
         ("Odom/Strategy", 5, "--algo orbslam3"),
         ("Kp/NNStrategy", 4, "GPU is not available"),
         ("Icp/Strategy", 2, "CCCoreLib is not available"),
-        ("Kp/DetectorStrategy", 99, "choose one of 8, 10, 2"),
+        ("Kp/DetectorStrategy", 99, "choose one of 8, 10, 2, 6"),
         ("Rtabmap/LoopThr", 1.5, "between 0 and 1"),
         ("Mem/RehearsalSimilarity", "a", "not a number"),
         ("Kp/MaxFeatures", 1.5, "not a whole number"),
@@ -93,6 +101,10 @@ def test_lists_in_one_text() -> None:
         ("Grid/DepthRoiRatios", "a b c d", "separated by blanks"),
         ("Bayes/PredictionLC", "0.1", "at least two"),
         ("Bayes/PredictionLC", "0.1 x", "separated by blanks"),
+        ("Marker/Lengths", "1=0.1", "NUMBER:METRES"),
+        ("Marker/Lengths", "1:-1", "above 0 m"),
+        ("Marker/Priors", "1 2 3", "ROLL PITCH YAW"),
+        ("Marker/Priors", "a b c d e f g", "ROLL PITCH YAW"),
     ],
 )
 def test_values_that_are_refused(name: str, value: object, words: str) -> None:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from visual_worlds import CAMERA, T_BASE_CAMERA, error, motion, signature, world
 
+from slamcli.rtabmap import two_frame_adjustment
+from slamcli.rtabmap.depth_agreement import depth_agreement
 from slamcli.rtabmap.parameters import RegGroup, VisGroup
 from slamcli.rtabmap.registration import flat_motion
 from slamcli.rtabmap.signature import no_features
@@ -39,14 +41,40 @@ def test_each_estimation_type_finds_the_motion(kind):
     assert found.reason == ""
 
 
-def test_covariance_tells_how_large_the_errors_are():
+def nees(found, truth):
+    wrong = error(found.T_a_b, truth)
+    return wrong @ np.linalg.solve(found.covariance, wrong) / 6
+
+
+def test_covariance_is_that_of_the_pixels_if_nothing_else_is_wrong(monkeypatch):
+    monkeypatch.setattr(two_frame_adjustment, "SYSTEMATIC", 0.0)
+    values = [nees(register(*pair(seed, noise_px=0.8)), TRUTH) for seed in range(30)]
+    # 1 for honest ones; they are wider, as matches in one cell of the image are believed no more than one of them.
+    assert 0.15 < np.mean(values) < 1.0
+
+
+def test_covariance_holds_what_all_matches_have_wrong():
     values = []
-    for seed in range(30):
+    for seed in range(20):
         a, b = pair(seed, noise_px=0.8)
-        found = register(a, b)
-        wrong = error(found.T_a_b, TRUTH)
-        values.append(wrong @ np.linalg.solve(found.covariance, wrong))
-    assert 0.7 < np.mean(values) / 6 < 1.5  # 1 for honest ones; 30 samples of 6 numbers have a sigma of 0.11
+        longer = [replace(one, features=wider(one.features)) for one in (a, b)]  # a focal length that is wrong by 0.2 %
+        values.append(nees(register(*longer), TRUTH))
+    assert 0.02 < np.mean(values) < 1.5
+
+
+def wider(features):
+    centre = np.array([CAMERA.cx, CAMERA.cy])
+    shift = 0.002 * (features.pixels - centre)
+    return replace(features, pixels=features.pixels + shift, right=features.right + shift[:, 0])
+
+
+def test_what_few_cells_tell_alone_is_not_believed():
+    even = np.tile(np.diag([100.0, 100, 100, 400, 400, 400]), (30, 1, 1))
+    assert np.allclose(np.diag(two_frame_adjustment._trusted(even, 1.0)), 1 / (30 * np.array([100] * 3 + [400] * 3)))
+    few = even.copy()
+    few[:-3, 5, 5] = 0.01  # a line: only three cells tell of the turn around it
+    sigmas = np.sqrt(np.diag(two_frame_adjustment._trusted(few, 1.0)))
+    assert sigmas[5] > 20 * sigmas[4]
 
 
 def test_covariance_without_bundle_adjustment_is_that_of_a_point():
@@ -156,3 +184,21 @@ def test_settings_are_the_parameters():
     assert visual_settings(VisGroup(), RegGroup()) == VisualSettings()
     told = visual_settings(VisGroup(min_inliers=7, cor_nndr=0.6), RegGroup(force_3dof=True, repeat_once=False))
     assert told == VisualSettings(min_inliers=7, cor_nndr=0.6, force_3dof=True, repeat_once=False)
+
+
+def test_a_motion_that_surfaces_contradict_is_refused():
+    a, b = pair(noise_px=0.1, unknown=0.0)
+    right = depth_agreement(a, b, CAMERA, T_BASE_CAMERA, TRUTH)
+    assert right > 0.75
+    assert depth_agreement(a, b, CAMERA, T_BASE_CAMERA, TRUTH @ motion(0.7)) < right - 0.1
+    assert np.isnan(depth_agreement(a, replace(b, points=np.full_like(b.points, np.nan)), CAMERA, T_BASE_CAMERA, TRUTH))
+    # What is matched agrees, all the rest is a metre off.
+    moved = b.points.copy()
+    found = register(a, b)
+    rest = np.setdiff1d(np.arange(len(moved)), found.matches[:40, 1])
+    moved[rest, 0] += 5.0
+    bits = b.features.descriptors.copy()
+    bits[rest] = np.random.default_rng(0).integers(0, 256, (len(rest), 32), dtype=np.uint8)
+    other = register(a, replace(b, points=moved, features=replace(b.features, descriptors=bits)))
+    assert other.T_a_b is None
+    assert "have the same depth" in other.reason

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slamcli.errors import FormatError
-from slamcli.vision.depth_coding import decode_rvl, encode_rvl
+from slamcli.vision.depth_coding import decode_rvl, encode_rvl, in_millimetres
 
 pytestmark = pytest.mark.kernels
 
@@ -85,3 +85,25 @@ def test_no_damage_is_read_beyond_the_image() -> None:
 def test_sizes_that_no_camera_has_are_refused(size: tuple[int, int]) -> None:
     with pytest.raises(FormatError, match="damaged"):
         decode_rvl(struct.pack("<8sii", b"DEPTHRVL", *size) + bytes(40))
+
+
+def naive_millimetres(depth: NDArray[np.float32], rounding: bool) -> NDArray[np.uint16] | None:
+    scaled = np.where(np.isfinite(depth) & (depth > 0.0), depth, 0.0).astype(np.float64) * 1000.0
+    whole = np.rint(scaled)
+    if rounding:
+        return np.where(whole > 65535, 0, whole).astype(np.uint16)
+    return whole.astype(np.uint16) if whole.max() <= 65535 and np.abs(whole - scaled).max() <= 0.01 else None
+
+
+@pytest.mark.parametrize("rounding", [False, True])
+def test_millimetres_equal_their_naive_twin(rounding: bool) -> None:
+    rng = np.random.default_rng(6)
+    whole = (rng.integers(0, 65536, (9, 11)) / 1000.0).astype(np.float32)
+    whole[0, :5] = [0.0, -1.0, np.nan, np.inf, 65.535]
+    fine = rng.uniform(0.0, 80.0, (9, 11)).astype(np.float32)
+    far = np.full((2, 2), 65.536, dtype=np.float32)
+    for depth, kept in ((whole, True), (fine, rounding), (far, rounding)):
+        values, naive = in_millimetres(depth, rounding=rounding), naive_millimetres(depth, rounding)
+        assert (values is not None) == (naive is not None) == kept
+        if kept:
+            assert np.array_equal(values, naive)

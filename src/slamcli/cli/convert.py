@@ -88,7 +88,7 @@ def command(
     as_json: bool,
     verbosity: int,
 ) -> int:
-    """Convert recordings and classic logs between formats, or a saved state to its trajectory.
+    """Convert recordings and classic logs between formats, or a saved state or database to its trajectory.
 
     SRC is a recording (.bag, .db3, .mcap, a ROS 2 bag folder, or several files of one recording), a data-set folder
     (TUM RGB-D, EuRoC, TUM-VI, KITTI odometry, 7-Scenes, ICL-NUIM) or a classic log (CARMEN .log and .clf, BreezySLAM
@@ -97,7 +97,8 @@ def command(
     what was done.
 
     Of a state of Cartographer (.pbstream; NAME:1 for one of several trajectories) the trajectory is written, to .tum,
-    .kitti or .csv (EuRoC), or the state anew, to .pbstream.
+    .kitti or .csv (EuRoC), or the state anew, to .pbstream. Of a database of RTAB-Map (.db; NAME:odometry and NAME:truth for other
+    poses than the optimised ones) the trajectory is written, or its graph, to .g2o.
 
     \b
     slamcli convert intel.clf.gz intel.mcap
@@ -106,6 +107,7 @@ def command(
     slamcli convert rgbd_dataset_freiburg1_desk desk.mcap
     slamcli convert desk.mcap desk_folder --layout tum
     slamcli convert state.pbstream path.tum
+    slamcli convert rtabmap.db graph.g2o
     """  # noqa: D301 (click wants the character)
     from slamcli.errors import UsageError
     from slamcli.formats.pbstream.container import is_pbstream
@@ -115,6 +117,7 @@ def command(
     from slamcli.pipelines.trajectories import parse_source
     from slamcli.recordings.breezy import BreezyOptions
     from slamcli.recordings.carmen import CarmenOptions
+    from slamcli.rtabmap.database.probing import is_database
     from slamcli.runtime import RunLog
 
     numbers = {"--laser-ahead": laser_ahead, "--laser-max-range": laser_max_range, "--laser-fov": laser_fov}
@@ -126,9 +129,10 @@ def command(
         raise UsageError("--wheels: give radius and half axle in metres, and ticks per turn")
     if len(paths) < 2:
         raise UsageError("name what to convert and where to: slamcli convert SRC DST")
-    if is_pbstream(parse_source(str(paths[0])).path):
+    source = parse_source(str(paths[0])).path
+    if is_pbstream(source) or is_database(source):
         with Console(verbosity) as console:
-            _convert_state(paths, console, as_json=as_json)
+            _convert_state(paths, console, as_json=as_json, database=not is_pbstream(source))
         return 0
     carmen = CarmenOptions(fov_rad=math.radians(laser_fov) if laser_fov else None, max_range_m=laser_max_range)
     robot: dict[str, Any] = {"laser_ahead_m": laser_ahead, "range_max_m": laser_max_range}
@@ -167,20 +171,22 @@ def command(
     return 0
 
 
-def _convert_state(paths: tuple[Path, ...], console: Console, *, as_json: bool) -> None:
+def _convert_state(paths: tuple[Path, ...], console: Console, *, as_json: bool, database: bool) -> None:
     from slamcli.errors import UsageError
+    from slamcli.pipelines.convert_database import convert_database
     from slamcli.pipelines.convert_state import convert_state
     from slamcli.runtime import RunLog
 
     if len(paths) > 2:
-        raise UsageError(f"{paths[0]} is a saved state: one at a time (slamcli map joins several)")
+        what = "a database of RTAB-Map" if database else "a saved state"
+        raise UsageError(f"{paths[0]} is {what}: one at a time (slamcli map joins several)")
     log = RunLog(console)
-    made = convert_state(str(paths[0]), paths[1], log)
+    made = (convert_database if database else convert_state)(str(paths[0]), paths[1], log)
     console.tell(log)
     if as_json:
         print_json(
             {
-                "sources": [str(made.source)], "source_format": "pbstream", "target": str(made.target),
+                "sources": [str(made.source)], "source_format": "rtabmap" if database else "pbstream", "target": str(made.target),
                 "format": made.format, "poses": made.poses, "size_bytes": made.size_bytes,
                 "notes": log.notes, "warnings": log.warnings, "seconds": round(made.seconds, 3),
             }

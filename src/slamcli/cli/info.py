@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.info_database import tell_database
 from slamcli.cli.info_state import tell_state
 from slamcli.cli.options import json_option, verbosity_options
 from slamcli.cli.quantities import duration_text, size_text, time_text
@@ -33,7 +34,7 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
 
     BAG is a ROS 1 bag, a ROS 2 folder or file, an MCAP file, a data-set folder (TUM RGB-D, EuRoC, TUM-VI, KITTI odometry, 7-Scenes,
     ICL-NUIM), or a CARMEN or exp*.dat log; several files are read as one recording. Of recordings over 64 MB only the index and the first seconds are read, unless --full is given. BAG may also be one state that Cartographer or
-    `slamcli map --algo cartographer` saved (.pbstream).
+    `slamcli map --algo cartographer` saved (.pbstream), or one database of RTAB-Map or of `slamcli map --algo rtabmap` (.db).
     """
     from slamcli.recordings import open_recording
     from slamcli.recordings.summary import summarise
@@ -42,6 +43,9 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
     with Console(verbosity) as console:
         if _is_state(bags):
             tell_state(bags[0], console, as_json=as_json)
+            return 0
+        if _is_database(bags):
+            tell_database(bags[0], as_json=as_json)
             return 0
         log = RunLog(console)
         with (
@@ -77,6 +81,23 @@ def _is_state(bags: tuple[Path, ...]) -> bool:
     found = [bag for bag in bags if is_pbstream(bag)]
     if found and len(bags) > 1:
         raise UsageError(f"{found[0]} is a saved state: one at a time")
+    return bool(found)
+
+
+def _is_database(bags: tuple[Path, ...]) -> bool:
+    """Return whether a database of RTAB-Map is meant.
+
+    Raises
+    ------
+    UsageError
+        If one is one of several files.
+    """
+    from slamcli.errors import UsageError
+    from slamcli.rtabmap.database import is_database
+
+    found = [bag for bag in bags if is_database(bag)]
+    if found and len(bags) > 1:
+        raise UsageError(f"{found[0]} is a database of RTAB-Map: one at a time")
     return bool(found)
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _CHOICES = {
     "map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb", "dense": "none", "dense_voxel": 0.02, "dense_range": 5.0,
+    "octomap": False,
 }  # fmt: skip
 """Options that say how files are written, with their defaults."""
 _KERNELS = {"orbslam3": ("vision", "up to a minute")}
@@ -127,8 +128,8 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     help="By what its points are coloured: what the cameras saw (height where none did), or one of the others.",
 )
 @click.option(
-    "--dense", type=click.Choice(["none", "cloud", "mesh"]), default=_CHOICES["dense"], show_default=True,
-    help="Also write dense.ply from the depth images of keyframes: a coloured cloud, or a mesh (RGB-D).",
+    "--dense", type=click.Choice(["none", "cloud", "mesh", "texture"]), default=_CHOICES["dense"], show_default=True,
+    help="Also write dense.ply from the depth images of keyframes: a coloured cloud, or a mesh (RGB-D); or dense.obj, a mesh with the images on it.",
 )  # fmt: skip
 @click.option(
     "--dense-voxel", type=click.FloatRange(0.001, 1.0), default=_CHOICES["dense_voxel"], show_default=True, metavar="METRES",
@@ -138,6 +139,9 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
     "--dense-range", type=click.FloatRange(0.1, 100.0), default=_CHOICES["dense_range"], show_default=True, metavar="METRES",
     help="Depths beyond are left out of it.",
 )  # fmt: skip
+@click.option(
+    "--octomap", is_flag=True, help="Also write octomap.bt and .ot, free and occupied space (--algo rtabmap)."
+)
 @click.option(
     "--truth",
     metavar="TRAJECTORY",

@@ -43,13 +43,19 @@ def _larger(table):
 
 
 @njit(cache=True, nogil=True)
-def trace_space(start, ends, include_last):
+def trace_space(start, ends, num_hits):
     """Return the numbers, in the order in which they were met, of the cells from `start` (3,) up to each of `ends` (N, 3).
 
-    Positions are in cells. The cell of an end is one of them where `include_last` (N,) says so.
+    Positions are in cells. The cells of the first `num_hits` ends are left out, whichever ray meets them.
     """
-    table = np.full(1 << 12, -1, np.int64)
-    met = np.empty(1 << 11, np.int64)
+    size = 1 << 12
+    while size < 4 * num_hits:
+        size *= 2
+    table = np.full(size, -1, np.int64)
+    for n in range(num_hits):
+        key = _number(math.floor(ends[n, 0]), math.floor(ends[n, 1]), math.floor(ends[n, 2]))
+        table[_slot(table, key)] = key
+    met = np.empty(size // 4, np.int64)
     count = 0
     cell, last, step = np.empty(3, np.int64), np.empty(3, np.int64), np.empty(3, np.int64)
     following, spacing = np.empty(3), np.empty(3)
@@ -64,8 +70,6 @@ def trace_space(start, ends, include_last):
             following[a] = (cell[a] + (1 if d > 0.0 else 0) - start[a]) / d if d != 0.0 else np.inf
         while left > 0:
             left -= 1
-            if left == 0 and not include_last[n]:
-                break
             key = _number(cell[0], cell[1], cell[2])
             slot = _slot(table, key)
             if table[slot] == -1:
@@ -89,21 +93,21 @@ def trace_space(start, ends, include_last):
 
 
 @njit(cache=True, nogil=True)
-def update_cells(numbers, change, least, most, kind, table, rows, held, odds, kinds, used, done):
-    """Add `change` to the log odds of cells and limit them; unknown ones (NaN) begin at 0.
+def update_cells(numbers, change, least, most, kind, view, table, rows, held, odds, kinds, views, used, done):
+    """Add `change` to the log odds of cells that this view has not changed yet, and limit them; unknown ones (NaN) begin at 0.
 
     Parameters
     ----------
     numbers
-        int64 (N,), each cell once.
+        int64 (N,).
     kind
         What the cells become in `kinds`; -1: they keep what they are.
     table, rows
         int64 (T,), numbers of blocks of 8 x 8 x 8 cells, and their rows in the next.
     held
         int64 (B,), numbers of blocks by row.
-    odds, kinds
-        float32 and int8 (B, 512), z fastest.
+    odds, kinds, views
+        float32, int8 and int32 (B, 512), z fastest; `views` is which view changed a cell last.
     used, done
         Rows in use, and how many of `numbers` were done in an earlier call.
 
@@ -123,9 +127,13 @@ def update_cells(numbers, change, least, most, kind, table, rows, held, odds, ki
                 table[slot], rows[slot], held[used] = block, used, block
                 odds[used] = np.nan
                 kinds[used] = 0
+                views[used] = -1
                 used += 1
             last_block, row = block, rows[slot]
         place = (x & 7) << 6 | (y & 7) << 3 | (z & 7)
+        if views[row, place] == view:
+            continue
+        views[row, place] = view
         before = odds[row, place]
         value = change if np.isnan(before) else before + change
         odds[row, place] = min(max(value, least), most)

@@ -30,6 +30,9 @@ class Mesh(NamedTuple):
     """int32 (F, 3), rows of `vertices`."""
 
 
+EMPTY = Mesh(np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8), np.empty((0, 3), np.int32))
+
+
 class DepthFusion:
     """Takes depth images one after another; memory grows with the surface, not with their number.
 
@@ -39,39 +42,46 @@ class DepthFusion:
         Edge of a voxel.
     range_m
         Depths beyond are left out.
-    intrinsics
-        fx, fy, cx, cy of the ideal camera, pixels.
     """
 
-    def __init__(self, voxel_m: float, range_m: float, intrinsics: tuple[float, float, float, float]) -> None:
+    def __init__(self, voxel_m: float, range_m: float) -> None:
         import open3d
 
         o3d: Any = open3d
         self._open3d = o3d
         self._range, self._is_empty = range_m, True
-        fx, fy, cx, cy = intrinsics
-        self._matrix: Any = o3d.core.Tensor(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]))
         real = o3d.core.float32
         self._blocks: Any = o3d.t.geometry.VoxelBlockGrid(
             ("tsdf", "weight", "color"), (real, real, real), ((1), (1), (3)), voxel_m, _BLOCK, _FIRST_BLOCKS, o3d.core.Device("CPU:0"),
         )  # fmt: skip
 
-    def add(self, depth_m: NDArray[np.float32], colour: NDArray[np.uint8], T_camera_map: NDArray[np.float64]) -> None:
-        """Take a depth image (H, W), 0 where unknown, with its colours (H, W, 3) from where the camera was."""
+    def add(
+        self,
+        depth_m: NDArray[np.float32],
+        colour: NDArray[np.uint8],
+        intrinsics: tuple[float, float, float, float],
+        T_camera_map: NDArray[np.float64],
+    ) -> None:
+        """Take a depth image (H, W), 0 where unknown, with its colours (H, W, 3) from where the camera was.
+
+        `intrinsics` are fx, fy, cx, cy of the ideal camera, pixels.
+        """
         o3d = self._open3d
+        fx, fy, cx, cy = intrinsics
+        matrix = o3d.core.Tensor(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]))
         depth = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(depth_m, dtype=np.float32)))
         seen = o3d.t.geometry.Image(o3d.core.Tensor(np.ascontiguousarray(colour, dtype=np.float32) / np.float32(255)))
         if not ((depth_m > 0) & (depth_m <= self._range)).any():
             return
         pose = o3d.core.Tensor(np.ascontiguousarray(T_camera_map, dtype=np.float64))
-        near = self._blocks.compute_unique_block_coordinates(depth, self._matrix, pose, 1.0, self._range, _TRUNCATION)
-        self._blocks.integrate(near, depth, seen, self._matrix, pose, 1.0, self._range, _TRUNCATION)
+        near = self._blocks.compute_unique_block_coordinates(depth, matrix, pose, 1.0, self._range, _TRUNCATION)
+        self._blocks.integrate(near, depth, seen, matrix, pose, 1.0, self._range, _TRUNCATION)
         self._is_empty = False
 
     def mesh(self) -> Mesh:
         """Return the surface as it is now; empty where nothing was seen. Its order does not depend on threads."""
         if self._is_empty:
-            return Mesh(np.empty((0, 3), np.float32), np.empty((0, 3), np.uint8), np.empty((0, 3), np.int32))
+            return EMPTY
         found = self._blocks.extract_triangle_mesh(weight_threshold=_LEAST_WEIGHT)
         vertices = found.vertex.positions.numpy().reshape(-1, 3)
         triangles = found.triangle.indices.numpy().reshape(-1, 3) if len(vertices) else np.empty((0, 3), np.int64)

@@ -69,10 +69,15 @@ class OddsPlane:
         if len(both) == 0:
             return
         self._reserve(both)
+        low, high = both.min(axis=0) - self._corner, both.max(axis=0) - self._corner + 1
+        window = np.s_[low[1] : high[1], low[0] : high[0]]
+        odds, last = self._odds[window], self._last[window]
         for group, change, value in zip(cells, (miss, hit), (OccupancyGrid.FREE, OccupancyGrid.OCCUPIED), strict=True):
-            at = np.unique((group[:, 1] - self._corner[1]) * self._odds.shape[1] + group[:, 0] - self._corner[0])
-            self._odds.ravel()[at] = np.clip(self._odds.ravel()[at] + change, least, most)
-            self._last.ravel()[at] = value
+            seen = np.zeros(odds.shape, dtype=np.bool_)
+            at = group - self._corner - low
+            seen[at[:, 1], at[:, 0]] = True
+            odds[seen] = np.clip(odds[seen] + change, least, most)
+            last[seen] = value
 
     def clear(self, centre: NDArray[np.float64], half_m: float) -> None:
         """Make the square of that half edge about a point (2,) free, as the last word."""

@@ -28,7 +28,7 @@ def indices_of(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
 def free_voxels(
     start: NDArray[np.float64], hits: NDArray[np.float64], ends: NDArray[np.float64], cell_m: float
 ) -> NDArray[np.int64]:
-    """Return int64 (F, 3): index of every cell that a ray of one view went through and none ended in, sorted.
+    """Return int64 (F, 3): index of every cell that a ray of one view went through and none ended in, in the order of rays.
 
     Cell (i, j, k) covers x from i to i + 1 times `cell_m`, and y and z likewise.
 
@@ -56,10 +56,7 @@ def free_voxels(
             f"rays of {np.linalg.norm(targets - origin, axis=1).max() * cell_m:.0f} m cannot be traced through cells of"
             f" {cell_m:g} m: ranges or poses are broken, or the cells are too small"
         )
-    open_end = np.arange(len(targets)) >= len(hits)
-    met = kernels.trace_space(origin, targets, open_end)
-    hit = numbers_of(np.floor(targets[: len(hits)]).astype(np.int64))
-    return indices_of(np.setdiff1d(met, hit))
+    return indices_of(kernels.trace_space(origin, targets, len(hits)))
 
 
 def warm() -> None:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.grids.depth_projection import DepthView, depth_grid
+from slamcli.grids.upright import Upright
 from slamcli.orbslam3.frame_making import FrameMaker
 from slamcli.orbslam3.frame_track import TrackedFrame
-from slamcli.orbslam3.upright import Upright
 
 _SAMPLE_VIEWS, _SAMPLE_POINTS = 20, 20000
 _LEAST_SPACING_NS = 200_000_000

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import EstimationError
 from slamcli.geometry import se3
+from slamcli.grids.upright import Upright, upright
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import PointCloud
 from slamcli.orbslam3.atlas import visual_atlas
@@ -25,7 +26,6 @@ from slamcli.orbslam3.session import Session
 from slamcli.orbslam3.sparse_map import SparseMap
 from slamcli.orbslam3.start_refusals import why_none_began
 from slamcli.orbslam3.statistics import step_columns, tell_gaps, untracked_share
-from slamcli.orbslam3.upright import Upright, upright
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 

@@ -185,7 +185,7 @@ def _tell_what_has_no_effect(settings: Iterable[Setting], known: Mapping[str, De
             continue
         if entry.name.startswith("Viewer.") and setting.line:
             brief.setdefault(setting.file, []).append(setting.name)
-        elif Path(setting.file).suffix not in (".lua", ".ini"):
+        elif Path(setting.file).suffix not in (".lua", ".ini", ".db"):
             log.note(f"{setting.name} ({setting.source}) has no effect here: {entry.help}")
         elif convert(entry, setting.value) != entry.default:
             brief.setdefault(setting.file, []).append(setting.name)

@@ -18,6 +18,7 @@ from slamcli.measurements import (
     Image,
     LandmarkObservation,
     Landmarks,
+    LaserScan,
     Measurement,
     Odometry,
     PointCloud,
@@ -27,6 +28,7 @@ from slamcli.measurements import (
 )
 from slamcli.pipelines.database_nodes import StoredNode, StoredSession
 from slamcli.pipelines.reading_ahead import read_ahead
+from slamcli.pipelines.scan_cloud import scan_of
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 from slamcli.runtime import RunLog
 
@@ -65,7 +67,8 @@ class DatabaseFeed:
             right=_model(images, right, images.camera.baseline_m) if mode == "stereo" else None,
             T_base_main=images.T_base_camera,
             rate_hz=1e9 / float(np.median(steps)) if len(steps) else _DEFAULT_RATE_HZ,
-            base_is_upright=True,
+            # A base that is the camera itself was held in a hand: nobody knows which way is up.
+            base_is_upright=not np.allclose(images.T_base_camera[:3, :3], np.eye(3), atol=1e-3),
         )
 
     @property
@@ -103,14 +106,14 @@ class DatabaseFeed:
     def measurements(self) -> Iterator[Measurement]:
         """Yield, for each node, its odometry, landmarks, scan and images, all under its stamp; sessions one after the other.
 
-        The odometry's covariance is that of the motion since the node before, as the link between them holds it. Scans are
-        clouds in their sensor's frame. They are read ahead on a thread.
+        The odometry's covariance is that of the motion since the node before, as the link between them holds it. Planar
+        scans are scans again (see `slamcli.pipelines.scan_cloud.scan_of`), others clouds in their sensor's frame. They are read ahead on a thread.
         """
         yield from read_ahead(self._read, self.log)
 
     @property
     def _scan(self) -> NodeScan | None:
-        if not self.plan.num_point_clouds:
+        if not self.plan.num_point_clouds and not self.plan.num_laser_scans:
             return None
         return next((session.scan for session in self.sessions if session.scan is not None), None)
 
@@ -126,7 +129,7 @@ class DatabaseFeed:
                 if self._scan is not None:
                     scan = session.database.read_scan(node.id)
                     if scan is not None:
-                        yield _cloud(scan, self._scan.T_base_sensor, node.stamp_ns)
+                        yield _sweep(scan, self._scan.T_base_sensor, node.stamp_ns)
                 if self.plan.camera_mode is not None:
                     images = session.database.read_images(node.id)
                     frame = None if images is None else _frame(images, self.plan.camera_mode, node.stamp_ns)
@@ -183,9 +186,10 @@ def _frame(images: NodeImages, mode: str, stamp_ns: int) -> Image | RgbdFrame | 
     return main
 
 
-def _cloud(scan: NodeScan, T_base_sensor: NDArray[np.float64], stamp_ns: int) -> PointCloud:
+def _sweep(scan: NodeScan, T_base_sensor: NDArray[np.float64], stamp_ns: int) -> LaserScan | PointCloud:
+    """Return a node's scan in the frame of the sensor that is mounted at `T_base_sensor`: all measured at one moment."""
     T_sensor_base = se3.inverse(T_base_sensor)
     points = scan.points.astype(np.float64) @ T_sensor_base[:3, :3].T + T_sensor_base[:3, 3]
     if scan.planar:
-        points[:, 2] = np.where(np.abs(points[:, 2]) < 1e-4, 0.0, points[:, 2])
+        return scan_of(points[:, :2], stamp_ns=stamp_ns, frame_id="scan", topic=_SCAN, range_max_m=scan.range_max_m)
     return PointCloud(stamp_ns=stamp_ns, frame_id="scan", points_m=points.astype(np.float32), topic=_SCAN)

@@ -14,6 +14,8 @@ import numpy as np
 
 from slamcli.errors import ConfigError, RecordingError, UsageError
 from slamcli.mapper import SensorOffer, Tier
+from slamcli.native.rtabmap_names import of_today
+from slamcli.native.settings import Setting
 from slamcli.parameters import as_dict, convert, declarations, resolve
 from slamcli.pipelines.config import NativeConfig
 from slamcli.pipelines.database_feed import DatabaseFeed
@@ -23,7 +25,9 @@ from slamcli.recordings.sensor_picks import NONE
 from slamcli.rtabmap.database import Database, is_database
 from slamcli.runtime import RunLog
 
-_RATE = "Rtabmap/DetectionRate"
+_OF_THE_RUN = ("Mem/IncrementalMemory",)
+"""Parameters that say what a run was for, not how it maps."""
+_RATE, _ODOMETRY = "Rtabmap/DetectionRate", "slamcli.odometry"
 
 
 def are_databases(paths: Sequence[Path]) -> bool:
@@ -67,7 +71,7 @@ def open_databases(
         if not sessions:
             raise RecordingError(f"{paths[0]}: no node with images or a scan in this part of it")
         _check_alike(sessions, log)
-        config = _with_stored(config, databases[0], log)
+        config = _with_stored(config, databases[0], log, own_odometry=asked.names.odometry == NONE)
         offer = _offer(sessions[0], sessions, asked)
         plan = tier.plan(config.parameters, config.sources, offer, log)
         yield DatabaseFeed(
@@ -120,9 +124,8 @@ def _offer(first: StoredSession, sessions: Sequence[StoredSession], asked: Senso
     scan = next((session.scan for session in sessions if session.scan is not None), None)
     ranges = scan is not None and asked.names.scans != (NONE,) and asked.names.points != (NONE,)
     return SensorOffer(
-        num_laser_scans=0,
-        num_point_clouds=int(ranges),
-        flat_clouds=scan is not None and scan.planar,
+        num_laser_scans=int(ranges and scan is not None and scan.planar),
+        num_point_clouds=int(ranges and scan is not None and not scan.planar),
         odometry=asked.names.odometry != NONE and first.has_odometry,
         landmarks=asked.names.landmarks != NONE and any(session.landmarks for session in sessions),
         mode=asked.mode,
@@ -130,16 +133,21 @@ def _offer(first: StoredSession, sessions: Sequence[StoredSession], asked: Senso
     )
 
 
-def _with_stored(config: NativeConfig, database: Database, log: RunLog) -> NativeConfig:
-    """Return the configuration with the database's parameters where the user gave none, and every node looked at."""
+def _with_stored(config: NativeConfig, database: Database, log: RunLog, *, own_odometry: bool) -> NativeConfig:
+    """Return the configuration with the database's parameters where the user gave none.
+
+    Every node is looked at, with the odometry that it had: nodes are too far apart to find it anew, unless that is asked for.
+    """
     known = {entry.name: entry for entry in declarations(type(config.parameters))}
     stored: dict[str, Any] = {}
     unfit = []
-    for name, text in database.parameters().items():
-        if name not in known or name in config.sources:
+    for old_name, text in database.parameters().items():
+        setting = of_today(Setting(old_name, text, str(database.path), 0)).setting
+        name = "" if setting is None else setting.name
+        if setting is None or name not in known or name in config.sources:
             continue
         try:
-            stored[name] = convert(known[name], text)
+            stored[name] = convert(known[name], setting.value)
         except ConfigError:
             unfit.append(f"{name} {text}")
     values = as_dict(config.parameters)
@@ -153,5 +161,7 @@ def _with_stored(config: NativeConfig, database: Database, log: RunLog) -> Nativ
         log.warn(f"{database.path.name}: parameters with values that slamcli has not are left out: {', '.join(unfit)}")
     if _RATE in known and _RATE not in config.sources:
         stored[_RATE] = 0.0  # its nodes were chosen once
+    if not own_odometry and _ODOMETRY in known and _ODOMETRY not in config.sources:
+        stored[_ODOMETRY] = "recording"
     sources = {**dict.fromkeys(stored, database.path.name), **config.sources}
     return replace(config, parameters=resolve(type(config.parameters), values, stored), sources=sources)

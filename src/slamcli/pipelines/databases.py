@@ -6,17 +6,20 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from slamcli.errors import UsageError
+from slamcli.errors import FormatError, UsageError
 from slamcli.mapper import DatabaseChoice, MappingResult, Tier
 from slamcli.outputs import check_file
-from slamcli.rtabmap.database import is_in_use
+from slamcli.parameters import as_dict, resolve
+from slamcli.pipelines.config import NativeConfig
+from slamcli.rtabmap.database import Database, is_in_use
 from slamcli.runtime import RunLog
 
 FILE = "rtabmap.db"
 """Its name in the folder of a result."""
+_INCREMENTAL = "Mem/IncrementalMemory"
 _BESIDE = ("-journal", "-wal", "-shm")
 
 
@@ -46,7 +49,9 @@ class DatabaseRequest:
             if self.anew:
                 raise UsageError("--delete-db-on-start: name the database with --database")
             if localise_only:
-                raise UsageError("--localise-only: name the database to localise in with --database")
+                raise UsageError(
+                    "--localise-only (Mem/IncrementalMemory false): name the database to localise in with --database"
+                )
             return
         self._check_file(inputs, output, localise_only=localise_only)
 
@@ -76,7 +81,7 @@ class DatabaseRequest:
     def begin(self, output: Path, log: RunLog) -> DatabaseChoice:
         """Make way for the database, and return where it lies.
 
-        What a run that was killed left beside the result is moved aside, never removed.
+        What a run that was killed left beside the result is moved aside, never removed, unless there is no node in it.
 
         Raises
         ------
@@ -95,15 +100,30 @@ class DatabaseRequest:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists():
             _check_free(path)
+            if _is_empty(path):
+                _remove(path)
+        if path.exists():
             aside = _free_name(path)
             for ending in ("", *_BESIDE):
                 left = path.with_name(path.name + ending)
                 if left.exists():
                     left.rename(aside.with_name(aside.name + ending))
             log.note(
-                f"an earlier run that was killed left its database: it lies in {aside} now (--database goes on in it)"
+                f"an earlier run that did not end left its database: it lies in {aside} now (--database goes on in it)"
             )
         return DatabaseChoice(path=path)
+
+
+def localising(tier: Tier, config: NativeConfig, asked: bool) -> tuple[NativeConfig, bool]:
+    """Return the configuration and whether the map stays as it is: by ``--localise-only``, or by the tier's own parameter."""
+    if not tier.remembers:
+        return config, asked
+    values = as_dict(config.parameters)
+    localise_only = asked or values.get(_INCREMENTAL) is False
+    if localise_only and _INCREMENTAL in values:
+        parameters = resolve(type(config.parameters), values, {_INCREMENTAL: False})
+        config = replace(config, parameters=parameters)
+    return config, localise_only
 
 
 def running_file(output: Path) -> Path:
@@ -143,6 +163,15 @@ def _check_free(path: Path) -> None:
         raise UsageError(
             f"{path}: another process uses this database; wait until it has ended, or give another file or -o"
         )
+
+
+def _is_empty(path: Path) -> bool:
+    """Return whether a database has no nodes."""
+    try:
+        with Database.read(path) as database:
+            return len(database.nodes()) == 0
+    except FormatError:
+        return False
 
 
 def _free_name(path: Path) -> Path:

@@ -21,7 +21,7 @@ from slamcli.pipelines.reading_ahead import read_ahead
 from slamcli.pipelines.sensor_order import SensorOrder
 from slamcli.pipelines.sensor_stream import SensorStream
 from slamcli.recordings import Recording
-from slamcli.recordings.odometry_pick import pick_odometry
+from slamcli.recordings.odometry_pick import FROM_TF, pick_odometry
 from slamcli.recordings.sensor_picks import NONE, TopicNames, offered_sensors, range_frames
 from slamcli.recordings.topic_ranks import usable_odometry
 from slamcli.runtime import RunLog
@@ -161,17 +161,37 @@ def feed_fused(
             named=offer.named | images,
         )  # fmt: skip
     plan = tier.plan(config.parameters, config.sources, replace(offer, mode=request.mode), log)
+    names = _with_plan(recording, names, plan, log)
     if found is None or plan.camera_mode is None:
         return planned_sensors(recording, tier, plan, names, log, **window)
     ranges = plan.num_laser_scans + (plan.num_multi_echo_laser_scans or 0) + plan.num_point_clouds
     if not (ranges or plan.odometry or plan.fixes or plan.landmarks):
-        return planned_cameras(recording, plan, request, found, log)
+        base = request.base_frame or _carrier(recording, plan.base_frame, found.camera_frame)
+        return planned_cameras(recording, plan, replace(request, base_frame=base), found, log)
     # The IMU goes with the cameras: they know its two halves, and its place by calibration files.
     sensors = planned_sensors(
         recording, tier, replace(plan, imu=False), names, log, camera_frame=found.camera_frame, **window
     )
     cameras = planned_cameras(recording, plan, replace(request, base_frame=sensors.base_frame), found, log)
     return FusedFeed(recording=recording, plan=plan, cameras=cameras, sensors=sensors, log=log)
+
+
+def _with_plan(recording: Recording, names: TopicNames, plan: InputPlan, log: RunLog) -> TopicNames:
+    """Return the names with odometry from the transforms of the frame that the configuration names, if it is there."""
+    if plan.odom_frame is None or names.odometry is not None or not plan.odometry:
+        return names
+    if plan.odom_frame not in recording.frames().frames:
+        log.warn(f"the configuration's frame of odometry, {plan.odom_frame}, is not in tf: odometry is found by itself")
+        return names
+    return replace(names, odometry=FROM_TF, odom_frame=names.odom_frame or plan.odom_frame)
+
+
+def _carrier(recording: Recording, configured: str | None, camera_frame: str) -> str | None:
+    """Return the robot's frame as the configuration names it, None where tf does not say where the camera sits on it."""
+    tree = recording.frames()
+    if configured is None or configured not in tree.frames or not tree.connected(configured, camera_frame):
+        return None
+    return configured
 
 
 def _cameras(recording: Recording, request: CameraRequest) -> FoundCameras | None:

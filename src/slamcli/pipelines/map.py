@@ -13,16 +13,14 @@ from typing import Any
 
 from slamcli.errors import CalibrationError, InputError, UsageError
 from slamcli.formats.pbstream.writing import write_state
-from slamcli.grids.depth_mesh import Mesh
 from slamcli.mapper import DatabaseChoice, MappingResult, Setup, Tier, find_resuming_tier, find_tier
-from slamcli.measurements import PointCloud
 from slamcli.outputs import atomic_directory, check_directory, check_file
 from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.camera_request import depth_unit
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.database_input import are_databases, open_databases
-from slamcli.pipelines.databases import put_into, remove_running
-from slamcli.pipelines.dense import check_dense, dense_model
+from slamcli.pipelines.databases import localising, put_into, remove_running
+from slamcli.pipelines.dense import DenseModel, check_dense, dense_model, is_empty, model_of_views
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.feeds import Feed, find_feed
 from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
@@ -65,9 +63,12 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             find_resuming_tier(request.algo, option)
     tier = find_tier(request.algo)
     request.atlas.check(tier)
+    if request.choices.octomap and not tier.remembers:
+        raise UsageError("--octomap: octrees are made by systems that keep what their sensors saw (--algo rtabmap)")
     output = request.output or default_output(request.inputs or request.files)
-    request.database.check(tier, request.inputs, output, localise_only=request.atlas.localise_only)
     config = load_native(request.algo, request.config_files, request.sets, log, request.launch_arguments)
+    config, localise_only = localising(tier, config, request.atlas.localise_only)
+    request.database.check(tier, request.inputs, output, localise_only=localise_only)
     check_directory(output)
     if request.save_state is not None:
         check_file(request.save_state)
@@ -76,7 +77,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         digests = background.submit(describe_inputs, request.files) if all(p.exists() for p in request.files) else None
         state = load_states(request.load_states, request.load_frozen_states, log)
         if request.inputs or state is None:
-            run = _from_recording(request, config, state, output, log)
+            run = _from_recording(request, config, state, output, log, localise_only=localise_only)
         else:
             run = _from_state(request, config, state, log)
         inputs = digests.result() if digests is not None else []
@@ -85,15 +86,16 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     with atomic_directory(output) as folder:
         with log.stage("write"):
             written = write_result(folder, result, score=score, choices=request.choices, log=log, dense=run.dense)
+            moved = put_into(folder, result, run.database)
         document = run_document(
             command=request.command, algo=request.algo, parameters=as_dict(run.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=run.topics, frames=run.frames, log=log, total_s=time.perf_counter() - began,
             duration_s=run.duration_s, summary=summarise(result, score),
-            outputs=(*written.names, *put_into(folder, result, run.database), *RECORDS),
+            outputs=(*written.names, *moved, *RECORDS),
         )  # fmt: skip
         declared = declarations(type(config.parameters))
         document = write_records(folder, document, result, written, score=score, declared=declared)
-    if run.database is not None and not run.database.keep:
+    if moved:
         remove_running(run.database)
     if request.save_state is not None and result.state is not None:
         write_state(request.save_state, result.state)
@@ -110,31 +112,47 @@ class _Run:
     topics: Mapping[str, Any]
     frames: Mapping[str, Any]
     duration_s: float
-    dense: PointCloud | Mesh | None = None
+    dense: DenseModel | None = None
     database: DatabaseChoice | None = None
 
 
 def _from_recording(
-    request: MapRequest, config: NativeConfig, state: MapState | None, output: Path, log: RunLog
+    request: MapRequest, config: NativeConfig, state: MapState | None, output: Path, log: RunLog, *, localise_only: bool
 ) -> _Run:
     """Map the recording, from the state on if there is one."""
     tier = find_tier(request.algo)
     with _opened(request, config, tier, log) as feed:
-        check_dense(request.choices.of_dense, feed.cameras)
+        check_dense(request.choices.of_dense, feed.cameras, remembered=tier.remembers)
         check_dimensions(state, spatial=feed.plan.spatial)
-        setup = _setup(request, feed, state, log)
+        setup = replace(_setup(request, feed, state, log), localise_only=localise_only)
         database = request.database.begin(output, log) if tier.remembers else None
         result = _mapped(feed, tier, replace(setup, database=database), log)
-        dense = None
-        if feed.cameras is not None and request.choices.dense != "none" and result.keyframes is not None:
-            with log.stage("dense"):
-                dense = dense_model(
-                    feed.cameras, result.keyframes, request.choices.of_dense, result.trajectory.frame_id, log
-                )
+        dense = _dense(request, feed, result, log)
     return _Run(
         result=result, parameters=feed.plan.parameters, topics=feed.topics, frames=feed.frames, duration_s=feed.length_s,
         dense=dense, database=database,
     )  # fmt: skip
+
+
+def _dense(request: MapRequest, feed: Feed, result: MappingResult, log: RunLog) -> DenseModel | None:
+    """Return the dense model that is asked for; say why where there is none."""
+    choices, frame = request.choices.of_dense, result.trajectory.frame_id
+    if request.choices.octomap and result.octree is None:
+        log.warn("--octomap: nothing was seen that has a height, so there is no octree")
+    if choices.kind == "none":
+        return None
+    with log.stage("dense"):
+        if result.views is not None:
+            model: DenseModel = model_of_views(result.views, choices, frame, int(result.trajectory.stamps_ns[0]))
+        elif feed.cameras is not None and result.keyframes is not None:
+            model = dense_model(feed.cameras, result.keyframes, choices, frame, log)
+        else:
+            log.warn(f"--dense {choices.kind}: the nodes have no depth images, so there is no dense model")
+            return None
+    if is_empty(model):
+        log.warn(f"--dense {choices.kind}: no depth lies within --dense-range {choices.range_m:g} m")
+        return None
+    return model
 
 
 @contextmanager
@@ -227,7 +245,7 @@ def _setup(request: MapRequest, feed: Feed, state: MapState | None, log: RunLog)
         jobs=request.jobs,
         state=state,
         atlas=request.atlas.read_atlas(log),
-        localise_only=request.atlas.localise_only,
+        octree=request.choices.octomap,
         vocabulary=_vocabulary(request, feed, log),
         no_return=request.mends.no_return,
         log=log,

@@ -17,13 +17,14 @@ from slamcli.formats.g2o import graph_of_state, write_g2o
 from slamcli.formats.keyframe_graphs import g2o_of_keyframes, write_covisibility
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
+from slamcli.formats.octomap import write_octomap
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.formats.trajectories import write_tum
-from slamcli.grids.depth_mesh import Mesh
+from slamcli.grids.octree import Octree
 from slamcli.mapper import MappingResult
 from slamcli.measurements import PointCloud
 from slamcli.parameters import Declaration
-from slamcli.pipelines.dense import DenseChoices, DenseKind, write_dense
+from slamcli.pipelines.dense import DenseChoices, DenseKind, DenseModel, write_dense
 from slamcli.pipelines.evaluate import TrajectoryScore
 from slamcli.pipelines.run_record import step_columns, to_json
 from slamcli.pipelines.view_alignment import laid_over
@@ -48,6 +49,8 @@ class OutputChoices:
     dense_voxel: float = 0.02
     """Metres, as the next."""
     dense_range: float = 5.0
+    octomap: bool = False
+    """Whether octomap.bt and what belongs to it is asked for."""
 
     @property
     def of_dense(self) -> DenseChoices:
@@ -73,7 +76,7 @@ def write_result(
     score: TrajectoryScore | None,
     choices: OutputChoices,
     log: RunLog,
-    dense: PointCloud | Mesh | None = None,
+    dense: DenseModel | None = None,
 ) -> Written:
     """Write what the result has, and the dense model, into `folder`; what there is not leaves no file."""
     if dense is not None:
@@ -94,6 +97,8 @@ def write_result(
         write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
     if result.cloud is not None and choices.cloud_format != "none":
         write_cloud(folder / f"cloud.{choices.cloud_format}", result.cloud, colour=choices.cloud_colour)
+    if result.octree is not None:
+        _write_octree(folder, result.octree, result.trajectory.frame_id)
     truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
     picture = b""
     if result.grid is not None:
@@ -103,6 +108,17 @@ def write_result(
         picture = map_png(result.grid, trajectory=result.trajectory, truth=truth)
         (folder / "map.png").write_bytes(picture)
     return Written(names=tuple(sorted(path.name for path in folder.iterdir())), map_image=picture, truth=truth)
+
+
+def _write_octree(folder: Path, octree: Octree, map_frame: str) -> None:
+    """Write an octree as OctoMap does, the centres of what is occupied as points, and its map of the plane."""
+    for suffix in ("bt", "ot"):
+        write_octomap(folder / f"octomap.{suffix}", octree)
+    points = octree.select(octree.occupied).centres_m.astype(np.float32)
+    write_cloud(folder / "octomap.ply", PointCloud(stamp_ns=0, frame_id=map_frame, points_m=points), colour="height")
+    plane = octree.projected(map_frame)
+    if plane is not None:
+        write_map(folder / "octomap.yaml", plane)
 
 
 def write_records(

@@ -37,22 +37,29 @@ def read_rtabmap(
         return _read_ini(path, log, known), {}
     if suffix in (".launch", ".xml"):
         return _read_launch(path, log, arguments, known)
+    if suffix == ".db":
+        return _read_database(path, log, known), {}
     if suffix in (".yaml", ".yml"):
         found = combine(yaml_nodes(read_ros_yaml(path)))
         return _told(found, path, log, known), found.remaps
     hint = "; copy the parameters of a Python launch file to YAML or .ini" if suffix == ".py" else ""
     raise ConfigError(
-        f"{path}: rtabmap reads .ini files, launch files (.launch, .xml) and parameter files (.yaml){hint}"
+        f"{path}: rtabmap reads .ini files, launch files (.launch, .xml), parameter files (.yaml) and databases (.db){hint}"
     )
 
 
-def names_of_today(settings: Iterable[Setting], log: RunLog) -> Iterator[Setting]:
-    """Yield settings under their names of today; notes say what was renamed or left out."""
+def names_of_today(settings: Iterable[Setting], log: RunLog, *, complete: bool = False) -> Iterator[Setting]:
+    """Yield settings under their names of today; notes say what was renamed or left out.
+
+    Of a `complete` list it goes without saying that parts are in it that are not here.
+    """
     absent: dict[str, dict[str, None]] = {}
     for setting in settings:
         today = of_today(setting)
         if today.setting is not None:
             yield today.setting
+        if today.absent and complete:
+            continue
         if today.absent:
             absent.setdefault(setting.file, {})[today.absent] = None
         elif today.remark:
@@ -65,10 +72,22 @@ def _read_ini(path: Path, log: RunLog, known: Mapping[str, Declaration]) -> tupl
     found = read_rtabmap_ini(path)
     if found.skipped:
         log.note(f"{path}: sections {', '.join(f'[{name}]' for name in found.skipped)} are not RTAB-Map's: skipped")
-    settings = tuple(names_of_today(found.settings, log))
-    if len(found.settings) < _COMPLETE:
+    complete = len(found.settings) >= _COMPLETE
+    settings = tuple(names_of_today(found.settings, log, complete=complete))
+    if not complete:
         return settings
     return tuple(_changed(settings, path, log, known))
+
+
+def _read_database(path: Path, log: RunLog, known: Mapping[str, Declaration]) -> tuple[Setting, ...]:
+    """Return what a database of RTAB-Map or slamcli was made with."""
+    from slamcli.rtabmap.database import Database
+
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file")
+    with Database.read(path) as database:
+        kept = [Setting(name, value, str(path), 0) for name, value in database.parameters().items()]
+    return tuple(_changed(names_of_today(kept, log, complete=True), path, log, known))
 
 
 def _changed(

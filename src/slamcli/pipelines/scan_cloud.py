@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: MIT
-"""A planar scan as the points that it measured."""
+"""A planar scan as the points that it measured, and the other way round."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slamcli.measurements import LaserScan, PointCloud
+
+_FINER = 8
+_LEAST_STEP_RAD, _LONE_STEP_RAD = 1e-3, 0.01
 
 
 def cloud_of(scan: LaserScan) -> PointCloud:
@@ -25,3 +29,27 @@ def cloud_of(scan: LaserScan) -> PointCloud:
         intensities=None if scan.intensities is None else scan.intensities[places],
         topic=scan.topic,
     )
+
+
+def scan_of(
+    points_m: NDArray[np.float64], *, stamp_ns: int, frame_id: str, topic: str, range_max_m: float
+) -> LaserScan:
+    """Return the points (N, 2) of a planar scanner as a scan of one moment: the way back from `cloud_of`.
+
+    The beams are `_FINER` times as dense as the points are typically, so that each finds one in its direction (to a
+    sixteenth of the points' spacing); where two fall into one the nearer stands. All others have no answer.
+    """
+    ranges = np.hypot(points_m[:, 0], points_m[:, 1])
+    angles = np.arctan2(points_m[:, 1], points_m[:, 0])
+    steps = np.diff(np.sort(angles))
+    steps = steps[steps > _LEAST_STEP_RAD]
+    step = max(float(np.median(steps)) if len(steps) else _LONE_STEP_RAD, _LEAST_STEP_RAD) / _FINER
+    beams = np.full(round(2 * np.pi / step), np.nan, dtype=np.float32)
+    step = 2 * np.pi / len(beams)
+    places = np.clip(np.rint((angles + np.pi) / step).astype(np.int64), 0, len(beams) - 1)
+    for i in np.argsort(-ranges, kind="stable").tolist():
+        beams[places[i]] = ranges[i]
+    return LaserScan(
+        stamp_ns=stamp_ns, frame_id=frame_id, angle_min_rad=-np.pi, angle_increment_rad=step, range_min_m=0.0,
+        range_max_m=range_max_m if range_max_m > 0 else float(ranges.max(initial=0.0)) + 1.0, ranges_m=beams, topic=topic,
+    )  # fmt: skip

@@ -22,6 +22,7 @@ from slamcli.recordings.classic_log import has_classic_content
 from slamcli.recordings.folders import TRUTH_TOPIC, find_layout
 from slamcli.recordings.mends import Mends
 from slamcli.recordings.recording import Recording
+from slamcli.rtabmap.database.probing import is_database
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
@@ -69,7 +70,7 @@ def load_trajectory(
     ----------
     text
         A TUM, KITTI or EuRoC file; a saved state (``state.pbstream``, or ``state.pbstream:1`` for one of several
-        trajectories); a data-set folder or another recording with ``/groundtruth``; ``recording:/topic`` with poses
+        trajectories); a database of RTAB-Map (``rtabmap.db``, ``rtabmap.db:odometry``, ``rtabmap.db:truth``); a data-set folder or another recording with ``/groundtruth``; ``recording:/topic`` with poses
         (PoseStamped, PoseWithCovarianceStamped, Odometry, Path or TransformStamped); or ``recording:frame>child_frame``,
         a chain of transforms.
     times
@@ -91,6 +92,10 @@ def load_trajectory(
         from slamcli.formats.pbstream.node_poses import read_node_poses  # brings numba, which few commands need
 
         return read_node_poses(source.path, source.part, log=log)
+    if is_database(source.path):
+        from slamcli.pipelines.database_poses import read_database_poses
+
+        return read_database_poses(source.path, source.part, log=log)
     if source.part or is_recording(source.path):
         if times is not None:
             raise UsageError("a times file goes with a KITTI file of poses, not with a recording")

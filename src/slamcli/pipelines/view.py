@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from slamcli.errors import UsageError
 from slamcli.formats.clouds import read_cloud
 from slamcli.formats.maps import read_map
+from slamcli.formats.octomap import read_octomap
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
 from slamcli.outputs import atomic_file
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import Alignment, laid_over
-from slamcli.pipelines.view_source import default_output, find_kind
+from slamcli.pipelines.view_source import OCTREES, default_output, find_kind
 from slamcli.reports.figures import map_png, raster, track
 from slamcli.reports.figures.cloud import cloud_view
 from slamcli.runtime import RunLog
@@ -228,8 +229,12 @@ def _draw_trajectories(sources: Sequence[Path], options: ViewOptions, log: RunLo
 
 
 def _draw_cloud(source: Path, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
-    """Draw a point cloud from above, with the trajectory that is given as truth."""
-    points = read_cloud(source).points_m
+    """Draw a point cloud, or what is occupied in an octree, from above, with the trajectory that is given as truth."""
+    if source.suffix.lower() in OCTREES:
+        octree = read_octomap(source)
+        points = octree.select(octree.occupied).centres_m.astype(np.float32)
+    else:
+        points = read_cloud(source).points_m
     if not len(points):
         raise UsageError(f"{source}: a point cloud without points")
     truth = None if options.truth is None else load_trajectory(options.truth, log=log)

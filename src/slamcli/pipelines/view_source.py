@@ -15,6 +15,7 @@ _RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
 _PICTURES = (".pgm", ".png", ".bmp")
 _CLOUDS = (".ply", ".pcd")
+OCTREES = (".bt", ".ot")
 
 
 def find_kind(sources: Sequence[Path]) -> str:
@@ -69,7 +70,7 @@ def _kind(source: Path) -> str:
         return "map"
     if is_pbstream(source):
         return "state"
-    if last in _CLOUDS:
+    if last in (*_CLOUDS, *OCTREES):
         return "cloud"
     if last in _PICTURES:
         raise UsageError(f"{source}: name the map's .yaml; the picture alone has no scale")

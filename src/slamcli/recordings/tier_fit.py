@@ -139,15 +139,32 @@ def _cartographer(sensors: SensorTopics) -> TierFit:
 
 
 def _rtabmap(sensors: SensorTopics) -> TierFit:
+    images: dict[str, str] = {}
     if sensors.colour and sensors.depth:
-        topics = {"rgb": sensors.colour[0], "depth": sensors.depth[0]}
-        mode = "RGB-D"
+        images, cameras, modes = {"rgb": sensors.colour[0], "depth": sensors.depth[0]}, "RGB-D", ["rgbd"]
     elif sensors.stereo is not None:
-        topics = {"left": sensors.stereo[0], "right": sensors.stereo[1]}
-        mode = "stereo"
+        images, cameras, modes = {"left": sensors.stereo[0], "right": sensors.stereo[1]}, "stereo", ["stereo"]
+    elif sensors.colour:
+        images, cameras, modes = {"rgb": sensors.colour[0]}, "one camera", []
     else:
-        return _cannot("rtabmap", "needs colour and depth images, or a stereo pair")
-    return _calibrated("rtabmap", mode, topics, sensors)
+        cameras, modes = "", []
+    if images and sensors.stereo is not None and modes == ["rgbd"]:
+        modes.append("stereo")
+    ranges = {"scan": sensors.scans[0]} if sensors.scans else {"points": sensors.clouds[0]} if sensors.clouds else {}
+    if not modes and not ranges:
+        return _cannot("rtabmap", "needs colour and depth images, a stereo pair, or scans or point clouds")
+    kinds = [cameras] if cameras else []
+    if ranges:
+        kinds.append("planar scans" if sensors.scans or sensors.flat_clouds else "3D sweeps")
+        modes.append("scan")
+    kinds.append("odometry" if sensors.odometry is not None else "its own odometry")
+    mode = ", ".join(kinds[:-1]) + f" and {kinds[-1]}"
+    mode += f" (--mode {' or '.join(modes)})" if len(modes) > 1 else ""
+    topics = {**images, **ranges, **({"imu": sensors.imus[0]} if sensors.imus else {})}
+    if not images:
+        return TierFit(tier="rtabmap", runs=True, mode=mode, topics=_with_odometry(topics, sensors))
+    fit = _calibrated("rtabmap", mode, topics, sensors)
+    return TierFit(tier="rtabmap", runs=True, mode=fit.mode, topics=_with_odometry(dict(fit.topics), sensors))
 
 
 def _orbslam3(sensors: SensorTopics) -> TierFit:

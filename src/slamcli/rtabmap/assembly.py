@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slamcli.grids import OccupancyGrid
 from slamcli.grids.odds_plane import OddsPlane, OddsSettings
 from slamcli.rtabmap.local_grid import LocalGrid, levelled
+from slamcli.rtabmap.node_points import moved
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +49,7 @@ class GridAssembly:
     def add(self, grid: LocalGrid, T_map_base: NDArray[np.float64]) -> None:
         """Add what a node at `T_map_base` (4, 4) saw: ground and empty space are free."""
         T = T_map_base if grid.spatial else levelled(T_map_base)
-        ground, obstacles, empty = (in_map(points, T)[:, :2] for points in (grid.ground, grid.obstacles, grid.empty))
+        ground, obstacles, empty = (moved(points, T)[:, :2] for points in (grid.ground, grid.obstacles, grid.empty))
         self._plane.include(T_map_base[None, :2, 3])
         self._plane.add(np.concatenate([ground, empty]), obstacles)
         self._places.append(T_map_base[:2, 3].copy())
@@ -62,10 +63,3 @@ class GridAssembly:
             for place in self._places:
                 self._plane.clear(place, settings.footprint_radius_m)
         return self._plane.grid(frame_id, eroded=settings.eroded)
-
-
-def in_map(points: NDArray[np.float32], T_map_local: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points (N, 2) or (N, 3) of a local grid in the map, float64 of the same shape."""
-    size = points.shape[1]
-    moved: NDArray[np.float64] = points.astype(np.float64) @ T_map_local[:size, :size].T + T_map_local[:size, 3]
-    return moved

@@ -34,6 +34,8 @@ class FrameTrack:
         self._stretches: list[int] = []
         self._node_rows: dict[int, int] = {}
         self.num_stretches = 0
+        self.refined = False
+        """Whether poses were replaced by better ones."""
 
     def add(self, step: OdometryStep, *, begins: bool) -> None:
         """Take the next frame; `begins`: a stretch begins with it."""
@@ -58,6 +60,7 @@ class FrameTrack:
 
     def refine(self, stamps_ns: NDArray[np.int64], T_odom_base: Floats) -> None:
         """Replace poses by better ones of the same odometry, found by their stamps; others stay."""
+        self.refined = True
         better = dict(zip(stamps_ns.tolist(), T_odom_base, strict=True))
         self._poses = [
             better.get(stamp, pose) if pose is not None else None

@@ -133,7 +133,7 @@ class GraphOptimiser:
     def _wanted(self, link: Link) -> bool:
         settings = self.settings
         if link.kind == LinkKind.POSE_PRIOR:
-            return not settings.priors_ignored
+            return link.from_id < 0 or not settings.priors_ignored  # what is told of markers is meant
         if link.kind == LinkKind.GRAVITY:
             return settings.solver.gravity_sigma > 0 and not settings.solver.planar
         return not (settings.landmarks_ignored and link.kind == LinkKind.LANDMARK)

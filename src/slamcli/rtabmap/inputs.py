@@ -189,12 +189,14 @@ def _settle(parameters: RtabmapParameters, given: Collection[str], taken: _Taken
     choices = {name: value for name, value in _needed(taken).items() if name not in given and value != values[name]}
     if values["Grid/Sensor"] == 0 or choices.get("Grid/Sensor") == 0:
         # As the node does: scanners see farther than depth cameras.
-        choices |= {} if "Grid/RangeMax" in given else {"Grid/RangeMax": 0.0}
+        choices = choices if "Grid/RangeMax" in given else {"Grid/RangeMax": 0.0} | choices
+    else:
+        choices.pop("Grid/RangeMax", None)
     if choices:
         told = ", ".join(f"{name} {_shown(value)}" for name, value in choices.items())
         log.note(f"set for {_sensors(taken)}: {told} (--set overrules)")
     if values["slamcli.odometry"] == "auto":
-        by_camera = "recording" if taken.odometry else "visual"
+        by_camera = "guided" if taken.odometry else "visual"
         choices |= {"slamcli.odometry": by_camera if taken.cameras in ("rgbd", "stereo") else "scan"}
     settled = resolve(RtabmapParameters, values, choices)
     _warn(settled, taken, log)
@@ -237,7 +239,7 @@ def _needed(taken: _Taken) -> dict[str, Any]:
 
 
 _PLANAR: dict[str, Any] = {"Reg/Force3DoF": True}
-# RTAB-Map's example for 3D lidars.
+# RTAB-Map's example for 3D lidars, which makes no grid; that of the plane, with rings on the ground, needs these.
 _SWEEPS: dict[str, Any] = {
     "Icp/VoxelSize": 0.1,
     "Icp/MaxCorrespondenceDistance": 1.0,
@@ -251,6 +253,11 @@ _SWEEPS: dict[str, Any] = {
     "OdomF2M/ScanMaxSize": 15000,
     "Mem/STMSize": 30,
     "RGBD/ProximityMaxGraphDepth": 0,
+    "Grid/3D": False,
+    "Grid/RayTracing": True,
+    "Grid/RangeMax": 20.0,
+    "Grid/MaxObstacleHeight": 2.0,
+    "Icp/PointToPlaneGroundNormalsUp": 0.8,
 }
 
 

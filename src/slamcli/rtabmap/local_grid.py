@@ -14,7 +14,7 @@ from slamcli.grids.ground import GroundSettings, segment, without_noise
 from slamcli.grids.rays import free_cells, swept_ends
 from slamcli.grids.voxel_means import means_of_cells
 from slamcli.grids.voxel_rays import free_voxels
-from slamcli.rtabmap.node_points import DepthSettings, depth_points, within_range
+from slamcli.rtabmap.node_points import DepthSettings, depth_points, moved, within_range
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 
 SCAN, DEPTH, BOTH = 0, 1, 2
@@ -235,10 +235,10 @@ def _spatial(
         far = [np.linalg.norm(points - view, axis=1) > limit for points in (ground, obstacles)]
         ends = _clipped(view, np.concatenate([ground[far[0]], obstacles[far[1]]]), settings.range_max_m)
         ground, obstacles = ground[~far[0]], obstacles[~far[1]]
-        turn, place = T_map_base[:3, :3], T_map_base[:3, 3]
-        start, hits, ends = (points @ turn.T + place for points in (view, np.concatenate([ground, obstacles]), ends))
+        start = T_map_base[:3, :3] @ view + T_map_base[:3, 3]
+        hits, ends = (moved(points, T_map_base) for points in (np.concatenate([ground, obstacles]), ends))
         cells = free_voxels(start, hits, ends, settings.cell_size_m)
-        empty = ((cells + 0.5) * settings.cell_size_m - place) @ turn
+        empty = moved((cells + 0.5) * settings.cell_size_m, se3.inverse(T_map_base))
     return LocalGrid(
         ground=ground.astype(np.float32), obstacles=obstacles.astype(np.float32), empty=empty.astype(np.float32),
         cell_size_m=settings.cell_size_m, view_point=view,

@@ -45,8 +45,10 @@ class MapGraph:
         self._linked.setdefault(node.id, [])
 
     def add_link(self, link: Link) -> None:
-        """Take a link; nothing moves by it yet."""
+        """Take a link; nothing moves by it yet. A landmark begins where the first node that saw it puts it."""
         self.links.append(link)
+        if link.kind == LinkKind.LANDMARK and link.to_id not in self.T_map_base:
+            self.T_map_base[link.to_id] = self.T_map_base[link.from_id] @ link.T_from_to
         for end in {link.from_id, link.to_id}:
             self._linked.setdefault(end, []).append(link)
 
@@ -56,6 +58,12 @@ class MapGraph:
         self.links = [link for link in self.links if id(link) not in gone]
         for end, links in self._linked.items():
             self._linked[end] = [link for link in links if id(link) not in gone]
+
+    def replace_link(self, old: Link, new: Link) -> None:
+        """Put a better measurement between the same ends in the place of an old one."""
+        self.links = [new if link is old else link for link in self.links]
+        for end in {old.from_id, old.to_id}:
+            self._linked[end] = [new if link is old else link for link in self._linked[end]]
 
     def merge(self, gone: int, kept: int) -> None:
         """Take a node out of the graph whose place another one holds; its links lead there now (RTAB-Map: neighbour merged)."""
@@ -67,7 +75,7 @@ class MapGraph:
         old = self._linked[gone]
         self.remove_links(old)
         for link in old:
-            if kept not in (link.from_id, link.to_id):
+            if kept not in (link.from_id, link.to_id) and link.from_id != link.to_id:
                 self.add_link(_led_to(link, gone, kept, T_gone_kept))
         del self.nodes[gone], self.T_map_base[gone], self._linked[gone]
 

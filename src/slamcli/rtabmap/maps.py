@@ -13,16 +13,18 @@ from slamcli.grids import OccupancyGrid
 from slamcli.grids.octree import Octree
 from slamcli.grids.voxel_odds import VoxelOdds
 from slamcli.measurements import PointCloud
-from slamcli.rtabmap.assembly import GridAssembly, in_map
+from slamcli.rtabmap.assembly import GridAssembly
 from slamcli.rtabmap.grid_settings import assembly_settings, local_grid_settings
 from slamcli.rtabmap.local_grid import SCAN, LocalGrid, LocalGridSettings, local_grid
 from slamcli.rtabmap.node_cloud import NodeCloud
-from slamcli.rtabmap.node_points import with_depth
+from slamcli.rtabmap.node_points import moved, with_depth
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 
 Sensors = Callable[[int], tuple[NodeImages | None, NodeScan | None]]
 Keep = Callable[[int, LocalGrid], None]
+
+_STEP_M = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +44,7 @@ def build_maps(
     map_frame: str = "map",
     stamp_ns: int = 0,
     octree: bool = False,
+    floor_m: float | None = None,
     keep: Keep | None = None,
 ) -> Maps:
     """Return the maps of nodes; their sensors are read one after the other and forgotten, so memory grows with the place alone.
@@ -56,6 +59,9 @@ def build_maps(
         Of the cloud.
     octree
         Whether to make an octree; otherwise there is one only where ``Grid/3D`` and ``Grid/RayTracing`` are on.
+    floor_m
+        z of the floor in the map, where the cameras were held by hand and their height above it is not known otherwise. Unless
+        ``Grid/MaxGroundHeight`` is set, ground lies no higher than a step above it then: tables are obstacles.
     keep
         Takes each node's local grid, for the database.
 
@@ -67,6 +73,9 @@ def build_maps(
     poses = np.array([T for _, T in ordered], dtype=np.float64).reshape(-1, 4, 4)
     chosen = assembly_settings(parameters).chosen(poses)
     settings = local_grid_settings(parameters)
+    if floor_m is not None and settings.ground.max_ground_height_m == 0.0:
+        ground = replace(settings.ground, max_ground_height_m=floor_m + _STEP_M)
+        settings = replace(settings, map_frame_projection=True, ground=ground)
     making = _Making(parameters, settings, octree or (settings.spatial and settings.ray_tracing), keep)
     for row in chosen.tolist():
         node_id, T_map_base = ordered[row]
@@ -108,7 +117,7 @@ class _Making:
             if found is None or traced != self._settings:
                 found = local_grid(images, scan, T_map_base, traced)
             if found is not None and found.spatial:
-                self._voxels.add(*(in_map(part, T_map_base) for part in (found.ground, found.obstacles, found.empty)))
+                self._voxels.add(*(moved(part, T_map_base) for part in (found.ground, found.obstacles, found.empty)))
 
     def maps(self, map_frame: str, stamp_ns: int) -> Maps:
         """Return them."""

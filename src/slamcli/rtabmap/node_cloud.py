@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from slamcli.grids.voxel_means import VoxelMeans
 from slamcli.measurements import PointCloud
 from slamcli.rtabmap.local_grid import BOTH, DEPTH, SCAN, LocalGridSettings
-from slamcli.rtabmap.node_points import colours_at, depth_points, within_range
+from slamcli.rtabmap.node_points import colours_at, depth_points, moved, within_range
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 
 _GREY = 128
@@ -29,7 +29,7 @@ class NodeCloud:
         if settings.sensor in (DEPTH, BOTH) and images is not None and images.depth is not None:
             seen = depth_points(images, settings.depth, settings.range_min_m, settings.range_max_m)
             if seen is not None:
-                self._coloured.add(_moved(seen.points, T_map_base), seen.colours)
+                self._coloured.add(moved(seen.points, T_map_base), seen.colours)
         if settings.sensor in (SCAN, BOTH) and scan is not None and not scan.planar:
             view = scan.T_base_sensor[:3, 3]
             points = scan.points[:: max(settings.scan_decimation, 1)].astype(np.float64)
@@ -37,9 +37,9 @@ class NodeCloud:
             colours, known = np.zeros((len(points), 3), dtype=np.uint8), np.zeros(len(points), dtype=np.bool_)
             if images is not None:
                 colours, known = colours_at(points, images)
-            moved = _moved(points, T_map_base)
-            self._coloured.add(moved[known], colours[known])
-            self._plain.add(moved[~known], colours[~known])
+            placed = moved(points, T_map_base)
+            self._coloured.add(placed[known], colours[known])
+            self._plain.add(placed[~known], colours[~known])
 
     def cloud(self, frame_id: str, stamp_ns: int) -> PointCloud | None:
         """Return the mean of each cell; without colours where no camera saw anything, None where there are no points."""
@@ -54,11 +54,6 @@ class NodeCloud:
         return PointCloud(
             stamp_ns=stamp_ns, frame_id=frame_id, points_m=np.concatenate([points, others]), colours=colours
         )
-
-
-def _moved(points: NDArray[np.float64], T: NDArray[np.float64]) -> NDArray[np.float64]:
-    moved: NDArray[np.float64] = points @ T[:3, :3].T + T[:3, 3]
-    return moved
 
 
 def _in_cells_of(points: NDArray[np.float32], others: NDArray[np.float32], size_m: float) -> NDArray[np.bool_]:

@@ -49,3 +49,5 @@ class NodeInput:
     scan: NodeScan | None = None
     images: NodeImages | None = None
     """Written to the database, then forgotten."""
+    R_level_base: NDArray[np.float64] | None = None
+    """float64 (3, 3), how the base is held against gravity (its heading means nothing); None without an IMU."""

@@ -101,3 +101,16 @@ def colours_at(points: NDArray[np.float64], images: NodeImages) -> tuple[NDArray
     found = images.colour[pixels[seen, 1], pixels[seen, 0]]
     colours[seen] = found[:, None] if found.ndim == 1 else found
     return colours, seen
+
+
+def moved(points: NDArray[np.floating], T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (N, 2) or (N, 3) of one frame in another, float64 of the same shape, by the pose T (4, 4)."""
+    # By columns: matrix products of so few columns wait for threads longer than they work.
+    size = points.shape[1]
+    columns = [points[:, axis].astype(np.float64) for axis in range(size)]
+    found = np.empty(points.shape)
+    for row in range(size):
+        found[:, row] = T[row, 3]
+        for axis in range(size):
+            found[:, row] += T[row, axis] * columns[axis]
+    return found

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from slamcli.measurements import CameraRig
 from slamcli.rtabmap.feature_settings import Detector, FeatureSettings
-from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.rtabmap.parameters import KpGroup, RtabmapParameters, VisGroup
+from slamcli.rtabmap.scan_odometry import ScanOdometrySettings
 from slamcli.vision.corner_description import OpenCvOrbSettings
 from slamcli.vision.gftt import GfttSettings
 from slamcli.vision.orb import OrbSettings
@@ -22,14 +25,38 @@ def preparation_settings(parameters: RtabmapParameters, rig: CameraRig) -> Prepa
 
 
 def feature_settings(parameters: RtabmapParameters) -> FeatureSettings:
-    """Return which key points are taken (Vis/*): the strongest Kp/MaxFeatures of them become words."""
-    vis, gftt, orb, stereo = parameters.vis, parameters.gftt, parameters.orb, parameters.stereo
-    most = max(vis.max_features, parameters.kp.max_features) if vis.max_features else 0
+    """Return which key points odometry follows (Vis/*); the strongest Kp/MaxFeatures of them become words of a node."""
+    vis = parameters.vis
+    settings = _extraction(parameters, vis, Detector(vis.feature_type))
+    return replace(
+        settings, depth_as_mask=vis.depth_as_mask, floor_threshold_m=vis.depth_mask_floor_thr,
+        decimation=parameters.odom.image_decimation,
+    )  # fmt: skip
+
+
+def word_settings(parameters: RtabmapParameters) -> FeatureSettings:
+    """Return which key points a node has that does not take those of odometry (Kp/*)."""
+    kp = parameters.kp
+    settings = _extraction(parameters, kp, Detector(kp.detector_strategy))
+    mask, floor = parameters.mem.depth_as_mask, parameters.mem.depth_mask_floor_thr
+    return replace(settings, depth_as_mask=mask, floor_threshold_m=floor)
+
+
+def words_are_odometrys(parameters: RtabmapParameters) -> bool:
+    """Return whether nodes take the key points of own visual odometry: if asked, and both are of one kind."""
+    same = parameters.kp.detector_strategy == parameters.vis.feature_type
+    return parameters.slamcli.odometry in ("visual", "guided") and parameters.mem.use_odom_features and same
+
+
+def _extraction(parameters: RtabmapParameters, group: KpGroup | VisGroup, detector: Detector) -> FeatureSettings:
+    """Return what both have in common; enough points are taken for words and for matching."""
+    gftt, orb, stereo = parameters.gftt, parameters.orb, parameters.stereo
+    unbounded = 0 in (parameters.vis.max_features, parameters.kp.max_features)
+    most = 0 if unbounded else max(parameters.vis.max_features, parameters.kp.max_features)
     return FeatureSettings(
-        detector=Detector(vis.feature_type), max_features=most, min_depth_m=vis.min_depth, max_depth_m=vis.max_depth,
-        depth_as_mask=vis.depth_as_mask, floor_threshold_m=vis.depth_mask_floor_thr, roi_ratios=vis.roi,
-        grid_rows=vis.grid_rows, grid_columns=vis.grid_cols, spread=vis.ssc, subpixel_window=vis.sub_pix_win_size,
-        subpixel_iterations=vis.sub_pix_iterations, subpixel_epsilon=vis.sub_pix_eps,
+        detector=detector, max_features=most, min_depth_m=group.min_depth, max_depth_m=group.max_depth, roi_ratios=group.roi,
+        grid_rows=group.grid_rows, grid_columns=group.grid_cols, spread=group.ssc, subpixel_window=group.sub_pix_win_size,
+        subpixel_iterations=group.sub_pix_iterations, subpixel_epsilon=group.sub_pix_eps,
         gftt=GfttSettings(
             quality_level=gftt.quality_level, min_distance=gftt.min_distance, block_size=gftt.block_size,
             harris=gftt.use_harris_detector, harris_k=gftt.k,
@@ -48,4 +75,13 @@ def feature_settings(parameters: RtabmapParameters) -> FeatureSettings:
             max_disparity=stereo.max_disparity, squared=stereo.ssd,
         ),
         depth_weight=parameters.slamcli.depth_weight,
+    )  # fmt: skip
+
+
+def scan_odometry_settings(parameters: RtabmapParameters, no_return: str) -> ScanOdometrySettings:
+    """Return how planar scans are aligned (Icp/*, Odom/*)."""
+    icp = parameters.icp
+    return ScanOdometrySettings(
+        cell_m=icp.voxel_size or 0.05, deskewing=parameters.odom.deskewing, range_min_m=icp.range_min, range_max_m=icp.range_max,
+        no_return=no_return,
     )  # fmt: skip

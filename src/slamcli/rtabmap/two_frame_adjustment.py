@@ -19,6 +19,16 @@ Floats = NDArray[np.float64]
 POINT_STEPS = 3
 CALIBRATED_RATIO = 4
 """Vis/PnPVarianceMedianRatio at which covariances are unbiased for Gaussian errors."""
+CELLS = 16
+"""Cells along the image's width within which errors are alike: the same edge, the same piece of the depth image."""
+REGIONS = 5
+"""Regions along the image's width, each of which is left out in turn."""
+DOUBTED = 6
+"""One cell in so many may be wrong although it agrees, and two at least."""
+KEPT_SHARE = 0.5
+"""Of what evenly spread cells tell, so much is left without those that tell most."""
+SYSTEMATIC = 0.002
+"""rad, and share of the depth: errors that all matches share, as those of the calibration and the shutter."""
 MEDIAN_FACTOR = 2.1981
 """Square of 1.4826: from the median of squared errors to their variance."""
 
@@ -93,8 +103,70 @@ def motion_covariance(view: SharedView, T_a_b: Floats, median_ratio: int) -> Flo
     residuals, by_point, by_motion = _linearised(view, T_a_b, T_camera_b, points)
     cross = np.einsum("nij,nik->njk", by_motion, by_point)
     eliminated = np.einsum("nij,njk->nik", cross, np.linalg.solve(_damped(by_point), cross.transpose(0, 2, 1)))
-    information = np.einsum("nij,nik->jk", by_motion, by_motion) - eliminated.sum(axis=0)
-    return _unit_variance(view, residuals, median_ratio) * _inverse(information)
+    each = np.einsum("nij,nik->njk", by_motion, by_motion) - eliminated
+    pulls = np.einsum("nij,ni->nj", by_motion, residuals)
+    jackknife = _jackknife(view, each, pulls)
+    each = _by_cell(view, each)
+    depth_m = float(np.median(points @ T_camera_b[2, :3] + T_camera_b[2, 3]))
+    covariance = _unit_variance(view, residuals, median_ratio) * _trusted(each, depth_m)
+    return covariance + jackknife + np.diag(np.repeat([(SYSTEMATIC * depth_m) ** 2, SYSTEMATIC**2], 3))
+
+
+def _jackknife(view: SharedView, each: Floats, pulls: Floats) -> Floats:
+    """Return the covariance (6, 6) by how far the motion moves when all matches of one region of b's image are left out.
+
+    Parameters
+    ----------
+    each
+        float64 (N, 6, 6), what each match tells.
+    pulls
+        float64 (N, 6), how each pulls at the motion; in balance.
+
+    References
+    ----------
+    H. R. Künsch, "The jackknife and the bootstrap for general stationary observations", Annals of Statistics 1989 (blocks of
+    observations whose errors are not independent).
+    """
+    size = view.camera.width / REGIONS
+    _, group = np.unique(np.floor(view.b.pixels / size).astype(np.int64), axis=0, return_inverse=True)
+    count = int(group.max()) + 1
+    sums, forces = np.zeros((count, 6, 6)), np.zeros((count, 6))
+    np.add.at(sums, group.ravel(), each)
+    np.add.at(forces, group.ravel(), pulls)
+    total = sums.sum(axis=0)
+    forces -= forces.mean(axis=0)
+    rest = total - sums
+    rest += 1e-6 * np.diag(np.diagonal(total))
+    moves = np.linalg.solve(rest, forces[:, :, None])[:, :, 0]
+    covariance: Floats = moves.T @ moves * ((count - 1) / count)
+    return covariance
+
+
+def _by_cell(view: SharedView, each: Floats) -> Floats:
+    """Return the mean (C, 6, 6) of what the matches (N, 6, 6) in each cell of b's image tell: their errors are alike."""
+    cells = np.floor(view.b.pixels / (view.camera.width / CELLS)).astype(np.int64)
+    _, group, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(counts), 6, 6))
+    np.add.at(sums, group.ravel(), each)
+    return sums / counts[:, None, None]
+
+
+def _trusted(each: Floats, depth_m: float) -> Floats:
+    """Return the inverse (6, 6) of the information that cells (C, 6, 6) give together, were a few of them wrong.
+
+    Along each principal direction those that tell most about it are left out, and the rest is taken for what they are worth if
+    they tell as much as the others: nothing changes for cells all over the view, but where nearly all lie on one line the few
+    beside it are not believed.
+    """
+    scale = np.array([depth_m, depth_m, depth_m, 1.0, 1.0, 1.0])  # the same effect in the image
+    each = each * np.outer(scale, scale)
+    values, directions = np.linalg.eigh(0.5 * (each.sum(axis=0) + each.sum(axis=0).T))
+    told = np.sort(np.einsum("ik,nij,jk->nk", directions, each, directions), axis=0)
+    left = len(each) - max(2, -(-len(each) // DOUBTED))
+    kept = told[: max(left, 1)].sum(axis=0) / KEPT_SHARE
+    values = np.maximum(np.minimum(values, kept), 1e-9 * max(float(values[-1]), 1e-12))
+    inverse: Floats = (directions / values) @ directions.T
+    return inverse * np.outer(scale, scale)
 
 
 def _eliminated(view: SharedView, T_a_b: Floats, T_camera_b: Floats) -> Floats:
@@ -128,14 +200,6 @@ def points_covariance(points_a: Floats, points_b: Floats, eye: Floats, median_ra
     place = len(a) // max(median_ratio, 2)
     linear, angular = np.sort(((a - b) ** 2).sum(axis=1))[place], np.sort(angles**2)[place]
     return np.diag(np.repeat(MEDIAN_FACTOR * np.maximum([linear, angular], 1e-6), 3))
-
-
-def _inverse(information: Floats) -> Floats:
-    """Return the inverse (6, 6); what the matches do not tell is hardly known, not infinitely badly."""
-    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
-    floor = max(float(values[-1]), 1e-12) * 1e-9
-    inverse: Floats = (vectors / np.maximum(values, floor)) @ vectors.T
-    return 0.5 * (inverse + inverse.T)
 
 
 def _freedom(view: SharedView) -> NDArray[np.int64]:

@@ -39,8 +39,8 @@ class UpdateRecord:
     """In the dictionary."""
     retrieved: int
     transferred: int
-    rehearsed: int
-    """Node that was merged into this one, as it saw the same place; 0: none."""
+    similarity: float
+    """To the node before, 0 to 1 (rehearsal)."""
     optimised: int
     """Nodes that the optimisation moved; 0: none was needed."""
 
@@ -50,7 +50,7 @@ def columns(records: Sequence[UpdateRecord]) -> dict[str, NDArray[Any]]:
     return {
         entry.name: np.array(
             [getattr(record, entry.name) for record in records],
-            dtype=np.float64 if entry.name == "posterior" else np.int64,
+            dtype=np.float64 if entry.name in ("posterior", "similarity") else np.int64,
         )
         for entry in fields(UpdateRecord)
     }

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import EstimationError
 from slamcli.geometry import se3
+from slamcli.rtabmap.depth_agreement import depth_agreement
 from slamcli.rtabmap.registration import Registration, flat_motion, refused
 from slamcli.rtabmap.signature import Signature
 from slamcli.rtabmap.two_frame_adjustment import SharedView, adjust_pair, agreeing, motion_covariance, points_covariance
@@ -32,6 +33,13 @@ Pairs = NDArray[np.int64]
 
 LEAST_SAMPLED = 10
 """Matches that must agree on a motion before more are sought around where it puts them."""
+FIRST_TOLERANCE = 2.0
+"""Times Vis/PnPReprojError that a match may be off before both cameras were adjusted together: points are less exact than pixels."""
+LEAST_DEPTH_AGREEMENT = 0.6
+HYPOTHESES = 2
+"""Motions that are tried: what most matches agree on, then what most of the others do."""
+ENOUGH = 150
+"""Inliers with which nothing else is tried."""
 WINDOWS_PX = (15.0, 6.0)
 """Half sides of the windows of the second search, wide, then narrow once the motion is known better."""
 PRUNING = (4.0, 1.0)
@@ -96,7 +104,7 @@ def register_visual(
     everything = rows if settings.estimation_type != PIXELS_TO_PIXELS else np.arange(len(a.features))
     strict = match_descriptors(a, b, everything, settings, loose=False)
     found = _concluded(views, rows, strict, repeat=settings.repeat_once)
-    if found.T_a_b is not None or not settings.repeat_once:
+    if not settings.repeat_once or (found.T_a_b is not None and found.num_inliers >= ENOUGH):
         return found
     again = _concluded(views, rows, match_descriptors(a, b, everything, settings, loose=True), repeat=True)
     return again if again.num_inliers > found.num_inliers else found
@@ -128,14 +136,13 @@ def _concluded(views: _Views, rows: Pairs, pairs: Pairs, *, repeat: bool) -> Reg
     settings, num_matches = views.settings, len(pairs)
     least = min(LEAST_SAMPLED, settings.min_inliers) if repeat else settings.min_inliers
     try:
-        T_a_b, agree = estimate_motion(
-            views.a, views.b, pairs, views.camera, views.T_base_camera, settings, seed=views.seed, least=least
-        )
+        supposed = _supposed(views, pairs, least, again=repeat)
     except EstimationError as problem:
         return refused(f"{num_matches} features look alike: {problem}", num_matches=num_matches)
-    held = _Held(T_a_b, pairs[agree])
+    held = supposed[0]
     if repeat:
-        pairs, held = _repeated(views, rows, pairs, held)
+        searched = [_repeated(views, rows, pairs, one) for one in supposed]
+        pairs, held = max(searched, key=lambda one: len(one[1].pairs))
     if settings.bundle_adjustment and len(held.pairs) >= least:
         held = _adjusted(views, pairs, held)
     if len(held.pairs) < settings.min_inliers:
@@ -144,6 +151,31 @@ def _concluded(views: _Views, rows: Pairs, pairs: Pairs, *, repeat: bool) -> Reg
             num_matches=num_matches, num_inliers=len(held.pairs),
         )  # fmt: skip
     return _judged(views, num_matches, held)
+
+
+def _supposed(views: _Views, pairs: Pairs, least: int, *, again: bool) -> list[_Held]:
+    """Return the motion that most pairs agree on, and, with `again`, the one that most of the others do.
+
+    Raises
+    ------
+    EstimationError
+        If there is none.
+    """
+    settings, found = views.settings, list[_Held]()
+    if again:  # points are less well known than pixels: a first motion need not be as exact as the last one
+        settings = replace(settings, pnp_reproj_error=FIRST_TOLERANCE * settings.pnp_reproj_error)
+    for _ in range(HYPOTHESES if again else 1):
+        try:
+            T_a_b, agree = estimate_motion(
+                views.a, views.b, pairs, views.camera, views.T_base_camera, settings, seed=views.seed, least=least
+            )
+        except EstimationError:
+            if not found:
+                raise
+            break
+        found.append(_Held(T_a_b, pairs[agree]))
+        pairs = pairs[~agree]
+    return found
 
 
 def _adjusted(views: _Views, pairs: Pairs, held: _Held) -> _Held:
@@ -162,21 +194,21 @@ def _repeated(views: _Views, rows: Pairs, pairs: Pairs, held: _Held) -> tuple[Pa
     """Return matches around where the motion so far puts the points, ever closer, and the motion that they agree on."""
     for radius in WINDOWS_PX:
         nearer = _projected(views, rows, held.T_a_b, radius, max(views.settings.cor_nndr, GUIDED_RATIO))
-        better = _optimised(views, held.T_a_b, nearer)
+        better = _optimised(views, held.T_a_b, nearer, FIRST_TOLERANCE)
         if len(better.pairs) < len(held.pairs):
             break
         pairs, held = nearer, better
     return pairs, held
 
 
-def _optimised(views: _Views, T_a_b: Floats, pairs: Pairs) -> _Held:
+def _optimised(views: _Views, T_a_b: Floats, pairs: Pairs, tolerance: float) -> _Held:
     """Return the motion that the pairs agree on, and those that do; from a motion near by."""
     rows_a, rows_b = pairs.T
     b = views.b.features
     start = se3.inverse(T_a_b @ views.T_base_camera)
     found = optimise_pose(
         start, views.a.points[rows_a], b.pixels[rows_b], b.right[rows_b],
-        sigma_px(views.settings) * b.sigmas[rows_b], views.camera,
+        tolerance * sigma_px(views.settings) * b.sigmas[rows_b], views.camera,
     )  # fmt: skip
     T_camera_a = found.T_camera_map
     return _Held(se3.inverse(T_camera_a) @ se3.inverse(views.T_base_camera), pairs[found.inliers])
@@ -209,7 +241,7 @@ def _judged(views: _Views, num_matches: int, held: _Held) -> Registration:
     points_b = views.b.points[pairs[:, 1]]
     eye, ratio = views.T_base_camera[:3, 3], settings.pnp_variance_median_ratio
     spread = points_covariance(points_a, points_b, eye, ratio)
-    why = _unfit(views, pairs, points_a, float(spread[0, 0]))
+    why = _unfit(views, pairs, points_a, float(spread[0, 0])) or _contradicted(views, T_a_b)
     if why:
         return refused(why, num_matches=num_matches, num_inliers=len(pairs))
     if settings.bundle_adjustment:
@@ -238,6 +270,14 @@ def _unfit(views: _Views, pairs: Pairs, points: Floats, variance: float) -> str:
     if settings.pnp_max_variance > 0 and variance > settings.pnp_max_variance:
         return f"the inliers' points lie apart, variance {variance:.2g} m^2, more than {settings.pnp_max_variance:g}"
     return ""
+
+
+def _contradicted(views: _Views, T_a_b: Floats) -> str:
+    """Return how far the depths that both places see contradict the motion; empty if they do not."""
+    share = depth_agreement(views.a, views.b, views.camera, views.T_base_camera, T_a_b)
+    if not share < LEAST_DEPTH_AGREEMENT:
+        return ""
+    return f"by the motion that was found only {share:.0%} of the points that both see have the same depth"
 
 
 def inliers_distribution(pixels: Floats, camera: Pinhole) -> float:

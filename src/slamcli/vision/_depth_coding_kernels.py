@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Compiled loops of the RVL depth codec of `slamcli.vision.depth_coding`."""
+"""Compiled loops over depth images of `slamcli.vision.depth_coding`."""
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 from numba import njit
 
 
@@ -96,4 +99,20 @@ def expand(words, values):
             previous += (folded >> 1) if folded & 1 == 0 else -((folded + 1) >> 1)
             values[i] = previous & 0xFFFF
             i += 1
+    return True
+
+
+@njit(cache=True, nogil=True)
+def to_millimetres(depth, values, tolerance, rounding):
+    """Fill `values` with depth in whole millimetres, 0 where unknown; return False, unless `rounding`, where one is not whole or too far."""
+    for i in range(len(depth)):
+        metres = float(depth[i])
+        values[i] = 0
+        if 0.0 < metres < math.inf:
+            scaled = metres * 1000.0
+            whole = np.rint(scaled)
+            if whole <= 65535.0 and (rounding or abs(whole - scaled) <= tolerance):
+                values[i] = int(whole)
+            elif not rounding:
+                return False
     return True

@@ -55,11 +55,15 @@ class DenseDepth:
         prepared = self._preparation.prepare(frame)
         if prepared.depth is None:
             raise DataError(f"frame at {frame.stamp_ns} ns has no depth")
-        depth = np.nan_to_num(prepared.depth, nan=0.0, posinf=0.0, neginf=0.0)
-        depth = np.where((depth > 0) & (depth <= self._range) & ~_edges(depth), depth, np.float32(0))
         grey = prepared.grey
         colour = np.repeat(grey[..., None], 3, axis=2) if prepared.colour is None else prepared.colour
-        return depth.astype(np.float32), np.ascontiguousarray(colour)
+        return usable_depth(prepared.depth, self._range), np.ascontiguousarray(colour)
+
+
+def usable_depth(depth: NDArray[np.float32], range_m: float) -> NDArray[np.float32]:
+    """Return a depth image (H, W) with 0 where it is unknown, beyond the range or at an edge."""
+    depth = np.nan_to_num(depth, nan=0.0, posinf=0.0, neginf=0.0)
+    return np.where((depth > 0) & (depth <= range_m) & ~_edges(depth), depth, np.float32(0)).astype(np.float32)
 
 
 def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import FormatError
-from slamcli.vision.depth_coding import MAGIC, decode_rvl, encode_rvl
+from slamcli.vision.depth_coding import MAGIC, decode_rvl, encode_rvl, in_millimetres
 
 MILLIMETRES = 1000.0
-_DEEPEST_MM = 65535
-_WHOLE_MM = 0.01  # float32 metres of 65 m are 0.004 mm off at most
 _PNG = b"\x89PNG"
 
 
@@ -62,14 +60,10 @@ def encode_depth(depth: NDArray[np.float32], encoding: str = ".rvl", *, whole_mi
     whole_millimetres
         Whether to round to millimetres (and forget what is farther than 65.535 m) what is not whole.
     """
-    known = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
-    scaled = known.astype(np.float64) * MILLIMETRES
-    rounded = np.rint(scaled)
-    if whole_millimetres:
-        rounded[rounded > _DEEPEST_MM] = 0.0
-    elif rounded.max(initial=0.0) > _DEEPEST_MM or np.abs(rounded - scaled).max(initial=0.0) > _WHOLE_MM:
+    values = in_millimetres(depth, rounding=whole_millimetres)
+    if values is None:
+        known = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
         return _encoded(np.ascontiguousarray(known, dtype="<f4").view(np.uint8).reshape(*known.shape, 4), ".png")
-    values = rounded.astype(np.uint16)
     return encode_rvl(values) if encoding == ".rvl" else _encoded(values, ".png")
 
 

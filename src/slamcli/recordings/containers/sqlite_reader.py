@@ -113,6 +113,10 @@ class SqliteVolume:
         except _ERRORS as error:
             raise RecordingError(f"{self._path}: damaged at its beginning, nothing can be read ({error})") from error
         if not {"topics", "messages"} <= tables:
+            if {"Node", "Link", "Admin"} <= tables:
+                raise RecordingError(
+                    f"{self._path}: a database of RTAB-Map, not a recording: slamcli map --algo rtabmap maps from it, slamcli info shows it"
+                )
             known = ", ".join(sorted(map(str, tables))) or "none"
             raise RecordingError(
                 f"{self._path}: a database but no ROS 2 bag: it has no tables 'topics' and 'messages' (tables: {known})"

@@ -2,6 +2,7 @@
 """RTAB-Map's own database files, read and written: the long-term memory on disk, schema of version 0.23.8."""
 
 from slamcli.rtabmap.database.connection import Mode
+from slamcli.rtabmap.database.counting import Counts
 from slamcli.rtabmap.database.database import Database
 from slamcli.rtabmap.database.probing import is_database, is_in_use
 from slamcli.rtabmap.database.records import (
@@ -15,6 +16,7 @@ from slamcli.rtabmap.database.records import (
 )
 
 __all__ = [
+    "Counts",
     "Database",
     "GeoFix",
     "Mode",

@@ -106,6 +106,10 @@ def sqlite_errors(path: Path) -> Iterator[None]:
     except sqlite3.Error as error:
         name = getattr(error, "sqlite_errorname", "") or ""
         raise FormatError(f"{path}: {_explained(name)} ({error})") from error
+    except UnicodeError as error:  # in a message of SQLite's, or in a text
+        raise FormatError(
+            f"{path}: {_explained('SQLITE_CORRUPT')} ({error.reason if isinstance(error, UnicodeDecodeError) else error})"
+        ) from error
 
 
 def _explained(name: str) -> str:
@@ -178,7 +182,8 @@ def _prepare(path: Path, mode: Mode, settings: StorageSettings, connection: sqli
         layout = read_layout(connection, str(path))
         show_as_current(connection, layout)
         connection.execute("PRAGMA query_only = ON")
-        connection.execute("BEGIN")  # the same state for as long as it is open
+        connection.execute("BEGIN")
+        connection.execute("SELECT version FROM Admin").fetchone()  # from here on the same state, as long as it is open
         return OpenFile(path, mode, connection, layout)
     connection.execute("PRAGMA locking_mode = EXCLUSIVE")
     if mode == "append":

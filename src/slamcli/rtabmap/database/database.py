@@ -4,40 +4,28 @@
 from __future__ import annotations
 
 import sqlite3
+import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import FormatError
 from slamcli.rtabmap.database import feature_rows, link_rows, node_rows, summary_rows
-from slamcli.rtabmap.database.blobs import unpack_pose
-from slamcli.rtabmap.database.calibration_blobs import unpack_cameras
-from slamcli.rtabmap.database.cell_blobs import pack_cells, unpack_cells
-from slamcli.rtabmap.database.connection import Mode, OpenFile, open_file, sqlite_errors
-from slamcli.rtabmap.database.records import (
-    GeoFix,
-    NodeStatistics,
-    NodeTable,
-    OptimisedPoses,
-    StorageSettings,
-    StoredCamera,
-    StoredGrid,
-)
-from slamcli.rtabmap.database.scan_blobs import unpack_scan
-from slamcli.rtabmap.database.stored_images import read_images
+from slamcli.rtabmap.database.cell_blobs import pack_cells
+from slamcli.rtabmap.database.connection import OpenFile, open_file, sqlite_errors
+from slamcli.rtabmap.database.contents import DatabaseContents
+from slamcli.rtabmap.database.records import GeoFix, StorageSettings, StoredGrid
 from slamcli.rtabmap.database.write_order import WriteOrder
 from slamcli.rtabmap.links import Link
 from slamcli.rtabmap.local_grid import LocalGrid
-from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
-
-Result = TypeVar("Result")
+from slamcli.rtabmap.signature import NodeImages, Signature
 
 
-class Database:
+class Database(DatabaseContents):
     """An open database, written in the order of the calls and readable while it is written.
 
     Use it as a context manager. What was committed stays in the file whatever happens to the process; leaving the context commits, unless
@@ -45,10 +33,10 @@ class Database:
     """
 
     def __init__(self, file: OpenFile, settings: StorageSettings, jobs: int) -> None:
-        self._file = file
+        super().__init__(file, WriteOrder(threaded=jobs > 1 and file.mode != "read"))
         self._settings = settings
-        self._order = WriteOrder(threaded=jobs > 1 and file.mode != "read")
-        self._stamps_ns: dict[int, int] = {}
+        # Also where an error or the end of the program comes first:
+        self._shut = weakref.finalize(self, _shut, self._order, file)
 
     @classmethod
     def create(
@@ -86,7 +74,7 @@ class Database:
     def append(
         cls, path: Path | str, parameters_text: str = "", *, settings: StorageSettings | None = None, jobs: int = 1
     ) -> Self:
-        """Return a database that is continued; its tables must be those of 0.16 or later. No parameters: those of the last session."""
+        """Return a database that is continued; its tables must be those of 0.18 or later. No parameters: those of the last session."""
         return cls._begun(
             open_file(Path(path), "append", settings or StorageSettings()), parameters_text, settings, jobs
         )
@@ -115,23 +103,6 @@ class Database:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close(commit=kind is None)
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._file.path
-
-    @property
-    def mode(self) -> Mode:
-        """How it was opened."""
-        return self._file.mode
-
-    @property
-    def version(self) -> str:
-        """Version of RTAB-Map whose schema it has."""
-        return self._file.layout.text
-
-    # --- nodes -----------------------------------------------------------------------------------------------------
 
     def add_node(
         self,
@@ -171,53 +142,6 @@ class Database:
         """Replace a node's local grid."""
         self._write(lambda connection: node_rows.set_cells(connection, node_id, pack_cells(cells)))
 
-    def nodes(self) -> NodeTable:
-        """Return all nodes by id."""
-        return self._read(node_rows.read_nodes)
-
-    def read_signature(self, node_id: int) -> Signature:
-        """Return a node as it was written, without its images; poses of scans and cameras to float32.
-
-        Raises
-        ------
-        FormatError
-            If there is no such node, or its descriptors are not binary.
-        """
-        return self._read(lambda connection: self._signature(connection, node_id))
-
-    def read_signatures(self, node_ids: Iterable[int]) -> list[Signature]:
-        """Return several nodes."""
-        return [self.read_signature(node_id) for node_id in node_ids]
-
-    def read_images(self, node_id: int, camera: int = 0) -> NodeImages | None:
-        """Return what a camera of a node saw; None for a node without images. With several cameras the first is 0."""
-        return self._read(lambda connection: read_images(connection, self._file.layout, node_id, camera))
-
-    def read_cameras(self, node_id: int) -> tuple[StoredCamera, ...]:
-        """Return the cameras of a node (also where its images were not kept)."""
-        row = self._read(
-            lambda connection: connection.execute("SELECT calibration FROM Data WHERE id=?", (node_id,)).fetchone()
-        )
-        return unpack_cameras(row[0] if row else None, self._file.layout.version)
-
-    def read_scan(self, node_id: int) -> NodeScan | None:
-        """Return a node's scan, base frame; None for a node without."""
-        row = self._read(
-            lambda connection: connection.execute(
-                "SELECT scan, scan_info, user_data FROM Data WHERE id=?", (node_id,)
-            ).fetchone()
-        )
-        return unpack_scan(row[0], row[1], row[2], self._file.layout.version) if row else None
-
-    def read_local_grid(self, node_id: int) -> LocalGrid | None:
-        """Return the cells that a node saw; None for a node without."""
-        names = ", ".join(node_rows.CELL_COLUMNS)
-        query = f"SELECT {names} FROM Data WHERE id=?"  # noqa: S608
-        row = self._read(lambda connection: connection.execute(query, (node_id,)).fetchone())
-        return unpack_cells(row) if row else None
-
-    # --- links and words -------------------------------------------------------------------------------------------
-
     def add_links(self, links: Iterable[Link]) -> None:
         """Write links."""
         given = list(links)
@@ -227,10 +151,6 @@ class Database:
         """Remove all links between pairs of nodes (or of a node and a landmark)."""
         given = list(pairs)
         self._write(lambda connection: link_rows.delete_links(connection, given))
-
-    def links(self, node_id: int | None = None) -> list[Link]:
-        """Return all links, or those of one node, each once and in the order they were written."""
-        return self._read(lambda connection: link_rows.read_links(connection, node_id))
 
     def add_words(self, ids: NDArray[np.int64], descriptors: NDArray[np.uint8]) -> None:
         """Write words of the dictionary: ids (W,), descriptors uint8 (W, B)."""
@@ -242,20 +162,10 @@ class Database:
         given = [int(word) for word in ids]
         self._write(lambda connection: feature_rows.delete_words(connection, self._file.layout, given))
 
-    def words(self) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        """Return ids (W,) and descriptors uint8 (W, B) of the dictionary, by id."""
-        return self._read(feature_rows.read_words)
-
-    def read_words(self, ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-        """Return those of some words that are there, as `words` does."""
-        return self._read(lambda connection: feature_rows.read_words(connection, ids))
-
     def update_word_ids(self, node_id: int, word_ids: NDArray[np.int64]) -> None:
         """Replace the words of a node's key points (N,), in their order; 0 leaves a key point as it is."""
         given = np.array(word_ids, dtype=np.int64)
         self._write(lambda connection: feature_rows.set_word_ids(connection, node_id, given))
-
-    # --- the whole -------------------------------------------------------------------------------------------------
 
     def set_info(
         self,
@@ -277,14 +187,6 @@ class Database:
 
         self._write(insert)
 
-    def parameters(self) -> dict[str, str]:
-        """Return native names and values of the last session."""
-        return self._read(summary_rows.read_parameters)
-
-    def last_working_ids(self) -> NDArray[np.int64]:
-        """Return the nodes (N,) that were in working memory when the last session ended, as RTAB-Map decides it."""
-        return self._read(summary_rows.read_last_working)
-
     def add_statistics(
         self, node_id: int, stamp_ns: int, values: Mapping[str, float], working_ids: Sequence[int] | None = None
     ) -> None:
@@ -293,20 +195,12 @@ class Database:
         working = None if working_ids is None else list(working_ids)
         self._write(lambda connection: summary_rows.insert_statistics(connection, node_id, stamp_ns, given, working))
 
-    def read_statistics(self) -> list[NodeStatistics]:
-        """Return the figures of all updates, by node."""
-        return self._read(summary_rows.read_statistics)
-
     def set_optimised(
         self, ids: NDArray[np.int64], T_map_base: NDArray[np.float64], T_map_last: NDArray[np.float64] | None
     ) -> None:
         """Write the optimised graph: ids (N,), poses float64 (N, 4, 4), and where the robot was last (4, 4)."""
         given = np.array(ids, dtype=np.int64), np.array(T_map_base, dtype=np.float64)
         self._write(lambda connection: summary_rows.set_optimised(connection, *given, T_map_last))
-
-    def optimised(self) -> OptimisedPoses | None:
-        """Return the optimised graph; None where there is none."""
-        return self._read(summary_rows.read_optimised)
 
     def set_grid(self, cells: NDArray[np.int8], *, x_min_m: float, y_min_m: float, resolution_m: float) -> None:
         """Write the assembled map: cells (H, W), -1 unknown, 0 free, 100 occupied, row 0 at the smallest y."""
@@ -315,46 +209,20 @@ class Database:
         )
         self._write(lambda connection: summary_rows.set_grid(connection, grid))
 
-    def grid(self) -> StoredGrid | None:
-        """Return the assembled map; None where there is none."""
-        return self._read(summary_rows.read_grid)
-
     def commit(self) -> None:
         """Make what was written so far last; call it after each node."""
         self._order.do(self._commit)
 
     def close(self, *, commit: bool = True) -> None:
         """Commit, unless told otherwise, and close the file; a second call does nothing."""
+        if not self._shut.alive:
+            return
         try:
             if commit and self._file.mode != "read":
                 self.commit()
                 self._order.wait()
         finally:
-            self._order.end()
-            self._file.close()
-
-    def _signature(self, connection: sqlite3.Connection, node_id: int) -> Signature:
-        row = connection.execute("SELECT map_id, stamp, pose FROM Node WHERE id=?", (node_id,)).fetchone()
-        if row is None:
-            raise FormatError(f"{self.path}: there is no node {node_id}")
-        data = connection.execute(
-            "SELECT calibration, scan, scan_info, user_data FROM Data WHERE id=?", (node_id,)
-        ).fetchone()
-        calibration, scan, scan_info, user_data = data or (None,) * 4
-        version = self._file.layout.version
-        cameras = unpack_cameras(calibration, version)
-        features, points, word_ids = feature_rows.read_features(connection, node_id, cameras[0] if cameras else None)
-        pose = unpack_pose(row[2])
-        return Signature(
-            id=node_id,
-            map_id=int(row[0]),
-            stamp_ns=self._stamps_ns.get(node_id, node_rows.nanoseconds(row[1])),
-            T_odom_base=np.full((4, 4), np.nan) if pose is None else pose,
-            features=features,
-            points=points,
-            word_ids=word_ids,
-            scan=unpack_scan(scan, scan_info, user_data, version),
-        )
+            self._shut()
 
     def _commit(self) -> None:
         with sqlite_errors(self.path):
@@ -374,7 +242,8 @@ class Database:
 
         self._order.do(run)
 
-    def _read(self, action: Callable[[sqlite3.Connection], Result]) -> Result:
-        self._order.wait()
-        with sqlite_errors(self.path):
-            return action(self._file.connection)
+
+def _shut(order: WriteOrder, file: OpenFile) -> None:
+    """End what is under way, forget what was not committed, and close the file."""
+    order.end()
+    file.close()

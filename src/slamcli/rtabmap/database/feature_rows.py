@@ -73,7 +73,7 @@ def read_features(
         octaves=values[5].astype(np.int64) & 0xFF,
         angles=np.radians(np.maximum(values[3], 0.0)) % (2.0 * math.pi),
         responses=values[4],
-        descriptors=binary_descriptors(sizes, descriptors, f"node {node_id}"),
+        descriptors=binary_descriptors(sizes, descriptors, "key points"),
         sigmas=np.maximum(values[2] / PATCH_PX, 1.0),
         right=right,
         depth=depth,
@@ -132,7 +132,7 @@ def read_words(
     if not rows:
         return np.zeros(0, dtype=np.int64), np.zeros((0, 32), dtype=np.uint8)
     ids, sizes, descriptors = zip(*rows, strict=True)
-    return np.array(ids, dtype=np.int64), binary_descriptors(sizes, descriptors, "the dictionary")
+    return np.array(ids, dtype=np.int64), binary_descriptors(sizes, descriptors, "words")
 
 
 def binary_descriptors(sizes: Iterable[Any], blobs: Iterable[Any], what: str) -> NDArray[np.uint8]:
@@ -142,7 +142,7 @@ def binary_descriptors(sizes: Iterable[Any], blobs: Iterable[Any], what: str) ->
     length = max(lengths)
     if len(lengths) > 1 or not set(sizes) <= {None, 0, length}:
         raise FormatError(
-            f"{what}: its descriptors are not binary (SURF, SIFT or SuperPoint?); extract them anew from the images"
+            f"the descriptors of its {what} are not binary (SURF, SIFT or SuperPoint?); extract them anew from the images"
         )
     missing = bytes(length)
     return np.frombuffer(b"".join([blob or missing for blob in kept]), dtype=np.uint8).reshape(-1, length)

@@ -40,11 +40,12 @@ def delete_links(connection: sqlite3.Connection, pairs: Iterable[tuple[int, int]
 
 
 def read_links(connection: sqlite3.Connection, node_id: int | None = None) -> list[Link]:
-    """Return the links in the order they were written, each once; of one node only, if told, as seen from whichever end.
+    """Return the links in the order they were written, each once; those of one node only, if told.
 
     Links without a transform (RTAB-Map's null) are left out.
     """
-    where, values = ("", ()) if node_id is None else ("WHERE from_id=? OR to_id=?", (node_id, node_id))
+    near = "from_id IN (SELECT to_id FROM Link WHERE from_id=?1) AND to_id=?1"  # by the index, which only from_id has
+    where, values = ("", ()) if node_id is None else (f"WHERE from_id=?1 OR ({near})", (node_id,))
     query = f"SELECT from_id, to_id, type, transform, information_matrix FROM Link {where} ORDER BY rowid"  # noqa: S608
     rows = connection.execute(query, values).fetchall()
     poses = unpack_poses([row[3] for row in rows])

@@ -34,9 +34,7 @@ def read_images(connection: sqlite3.Connection, layout: Layout, node_id: int, ca
     colour = decode_image(row[0])
     cameras = unpack_cameras(row[2], layout.version)
     if not cameras or not 0 <= camera < len(cameras):
-        raise FormatError(
-            f"node {node_id} has images of {len(cameras)} calibrated cameras; camera {camera} is none of them"
-        )
+        raise FormatError(f"its images are of {len(cameras)} calibrated cameras; camera {camera} is none of them")
     depth = right = None
     if row[1] and is_depth(row[1]):
         depth = decode_depth(row[1])
@@ -49,7 +47,7 @@ def read_images(connection: sqlite3.Connection, layout: Layout, node_id: int, ca
         colour=colour if colour_part is None else colour_part,
         camera=_sized(cameras[camera], shape),
         T_base_camera=cameras[camera].T_base_camera,
-        depth=None if depth_part is None else _enlarged(depth_part, shape, node_id),
+        depth=None if depth_part is None else _enlarged(depth_part, shape),
         right=right_part,
     )
 
@@ -85,13 +83,11 @@ def _sized(camera: StoredCamera, shape: tuple[int, ...]) -> Pinhole:
     )
 
 
-def _enlarged(depth: NDArray[np.float32], shape: tuple[int, ...], node_id: int) -> NDArray[np.float32]:
+def _enlarged(depth: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
     """Return a depth image that was kept smaller at the size of the colour image, each pixel repeated."""
     if depth.shape == tuple(shape[:2]):
         return depth
     rows, columns = shape[0] / depth.shape[0], shape[1] / depth.shape[1]
     if rows != columns or rows != int(rows) or rows < 1:
-        raise FormatError(
-            f"node {node_id}: a depth image of {depth.shape[1]} x {depth.shape[0]} beside one of {shape[1]} x {shape[0]}"
-        )
+        raise FormatError(f"a depth image of {depth.shape[1]} x {depth.shape[0]} beside one of {shape[1]} x {shape[0]}")
     return np.repeat(np.repeat(depth, int(rows), axis=0), int(columns), axis=1)

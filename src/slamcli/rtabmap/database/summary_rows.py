@@ -38,8 +38,14 @@ def insert_info(
 
 
 def set_entered(connection: sqlite3.Connection, ids: Sequence[int], now: str) -> None:
-    """Mark nodes as those that were in working memory last: RTAB-Map takes them for that when they entered no earlier than the last Info."""
+    """Mark nodes and their words as those that were in working memory last.
+
+    RTAB-Map takes them for that when they entered no earlier than the last Info.
+    """
     connection.executemany("UPDATE Node SET time_enter=? WHERE id=?", [(now, int(node)) for node in ids])
+    words = "SELECT word_id FROM Feature WHERE node_id=? AND word_id > 0"
+    used = sorted({row[0] for node in ids for row in connection.execute(words, (int(node),))})
+    connection.executemany("UPDATE Word SET time_enter=? WHERE id=?", [(now, word) for word in used])
 
 
 def read_last_working(connection: sqlite3.Connection) -> NDArray[np.int64]:

@@ -166,16 +166,20 @@ class MemGroup:
     )
     laser_scan_voxel_size: float = length("LaserScanVoxelSize", 0.0, "scans are thinned to one point per voxel; 0: not")
     laser_scan_normal_k: int = count(
-        "LaserScanNormalK", 0, "normals of scans from this many neighbours; 0: none", "points"
-    )
+        "LaserScanNormalK", 0, "normals kept with scans; here they are made where scans are matched (Icp/PointToPlaneK)",
+        "points", effective=False,
+    )  # fmt: skip
     laser_scan_normal_radius: float = length(
-        "LaserScanNormalRadius", 0.0, "normals of scans from neighbours in this radius; 0: none"
-    )
+        "LaserScanNormalRadius", 0.0, "normals kept with scans; here they are made where scans are matched (Icp/PointToPlaneRadius)",
+        effective=False,
+    )  # fmt: skip
     use_odom_features: bool = switch(
         "UseOdomFeatures", True, "take the features of own visual odometry instead of finding them again"
     )
     use_odom_gravity: bool = switch("UseOdomGravity", False, "which way is down comes from odometry instead of the IMU")
-    cov_off_diag_ignored: bool = switch("CovOffDiagIgnored", True, "only the diagonal of odometry's covariance counts")
+    cov_off_diag_ignored: bool = switch(
+        "CovOffDiagIgnored", False, "only the diagonal of odometry's covariance counts (RTAB-Map: true)"
+    )
     global_descriptor_strategy: int = choice(
         "GlobalDescriptorStrategy", 0, "one descriptor of the whole image", {0: "none"}, {1: "PyDescriptor"}
     )

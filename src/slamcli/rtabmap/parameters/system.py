@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from slamcli.errors import ConfigError
 from slamcli.parameters import parameter
 from slamcli.rtabmap.parameters.declaring import choice, count, number, share, switch, text
 
@@ -43,6 +44,55 @@ class MarkerGroup:
     priors_variance_angular: float = number(
         "PriorsVarianceAngular", 0.001, "variance of their directions", "rad^2", 1e-12, 1e9
     )
+
+    def __post_init__(self) -> None:
+        """Refuse texts that are no edges or poses."""
+        self.length_of_each  # noqa: B018
+        self.prior_of_each  # noqa: B018
+
+    @property
+    def length_of_each(self) -> dict[int, float]:
+        """`lengths` by marker, metres.
+
+        Raises
+        ------
+        ConfigError
+            If they are not pairs of a number and a length.
+        """
+        found = {}
+        for word in self.lengths.replace("|", " ").split():
+            marker, colon, edge = word.partition(":")
+            try:
+                found[int(marker)] = float(edge)
+            except ValueError as error:
+                raise ConfigError(
+                    f"Marker/Lengths={self.lengths!r}: write NUMBER:METRES, separated by blanks"
+                ) from error
+            if not colon or not found[int(marker)] > 0.0:
+                raise ConfigError(f"Marker/Lengths={self.lengths!r}: edges are above 0 m")
+        return found
+
+    @property
+    def prior_of_each(self) -> dict[int, tuple[float, ...]]:
+        """`priors` by marker: x, y, z (m), roll, pitch, yaw (rad) in the map.
+
+        Raises
+        ------
+        ConfigError
+            If they are not seven numbers each.
+        """
+        found = {}
+        for one in filter(None, (part.strip() for part in self.priors.split("|"))):
+            words = one.split()
+            try:
+                found[int(words[0])] = tuple(float(word) for word in words[1:])
+            except ValueError as error:
+                raise ConfigError(
+                    f"Marker/Priors={self.priors!r}: write NUMBER X Y Z ROLL PITCH YAW, separated by |"
+                ) from error
+            if len(words) != 7:
+                raise ConfigError(f"Marker/Priors={self.priors!r}: write NUMBER X Y Z ROLL PITCH YAW, separated by |")
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,8 +197,8 @@ class SlamcliGroup:
         kind=float, unit="s", minimum=0.0, maximum=10.0, extension=True,
     )  # fmt: skip
     odometry: str = parameter(
-        "auto", "where the motion between frames is from: the recording's odometry, own visual odometry, own scan odometry; auto: the recording's for images, scans with the recording's as a guess for a robot without cameras",
-        choices=("auto", "recording", "visual", "scan"), extension=True,
+        "auto", "where the motion between frames is from: the recording's odometry alone (as RTAB-Map does where it subscribes to it), own visual odometry, visual odometry that the recording's guides and carries where nothing is seen, or own scan odometry; auto: guided or visual with cameras, scan without",
+        choices=("auto", "recording", "visual", "guided", "scan"), extension=True,
     )  # fmt: skip
     depth_weight: float = parameter(
         3.0, "how much better depth images are believed than a stereo camera of g2o/Baseline would tell depth", minimum=0.01, maximum=1000.0,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from slamcli.rtabmap.parameters.declaring import choice, count, length, number, region, share, switch, text
 
-FEATURES = {8: "GFTT/ORB", 10: "ORB-OCTREE", 2: "ORB"}
+FEATURES = {8: "GFTT/ORB", 10: "ORB-OCTREE", 2: "ORB", 6: "GFTT/BRIEF (ORB's pairs, not turned)"}
 NOT_HERE = {
-    0: "SURF", 1: "SIFT", 3: "FAST/FREAK", 4: "FAST/BRIEF", 5: "GFTT/FREAK", 6: "GFTT/BRIEF", 7: "BRISK", 9: "KAZE",
+    0: "SURF", 1: "SIFT", 3: "FAST/FREAK", 4: "FAST/BRIEF", 5: "GFTT/FREAK", 7: "BRISK", 9: "KAZE",
     11: "SuperPoint", 12: "SURF/FREAK", 13: "GFTT/DAISY", 14: "SURF/DAISY", 15: "PyDetector",
 }  # fmt: skip
 """Key points whose descriptors are no 32 bytes, need OpenCV's contributed modules or a network."""

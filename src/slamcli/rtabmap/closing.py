@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: MIT
+"""Where places are known again: by their looks, and by being near."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.geometry import se3
+from slamcli.rtabmap.closure_check import ClosureCheck, ClosureRecord, Verdict, closure_link, closure_record
+from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, graph_settings
+from slamcli.rtabmap.hypothesis import Hypothesis
+from slamcli.rtabmap.landmarks import MarkerFinder, prior_links
+from slamcli.rtabmap.links import Link, LinkKind
+from slamcli.rtabmap.map_graph import MapGraph
+from slamcli.rtabmap.memory import Memory
+from slamcli.rtabmap.node_rate import motion_size
+from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.rtabmap.registration import Registration, refused
+from slamcli.rtabmap.scan_proximity import ScanProximity
+from slamcli.rtabmap.scan_registration import refined_by_scans, refined_motion
+from slamcli.rtabmap.scan_settings import ScanSettings
+from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
+from slamcli.rtabmap.visual_proximity import visual_proximity, visual_proximity_in_time
+from slamcli.rtabmap.visual_registration import register_best, register_visual
+from slamcli.rtabmap.visual_settings import visual_settings
+from slamcli.vision.pinhole import Pinhole
+
+Floats = NDArray[np.float64]
+
+_NEIGHBOURS = 2
+"""Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
+_NEAR_M, _NEAR_RAD = 2.0, 0.8
+"""Nodes of the finished map that are farther apart or look elsewhere are not compared."""
+_MOST_PER_NODE = 3
+"""Searches of the finished map for one node."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proposal:
+    """A closure that was found; the graph has not been asked yet."""
+
+    link: Link
+    """From the older node to the newer one."""
+    stamp_ns: int
+    """Of the newer node."""
+    registration: Registration
+    posterior: float = 0.0
+    """Of the hypothesis that led there; 0: found because it is near."""
+    by_scans: bool = False
+    """Whether scans alone tell it: then it says nothing about what is seen there."""
+
+
+class Closing:
+    """Compares the newest node with what the memory holds.
+
+    Parameters
+    ----------
+    camera, T_base_camera
+        Of all nodes' features; None for a robot without cameras.
+    """
+
+    def __init__(
+        self, parameters: RtabmapParameters, memory: Memory, camera: Pinhole | None, T_base_camera: Floats, seed: int
+    ) -> None:
+        self._parameters, self._memory = parameters, memory
+        self._camera, self._seed = camera, seed
+        self.T_base_camera = T_base_camera
+        self._settings = visual_settings(parameters.vis, parameters.reg)
+        optimizer, gtsam = parameters.optimizer, parameters.gtsam
+        self._optimiser = GraphOptimiser(graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof))
+        self._scan_settings = ScanSettings.of(parameters)
+        self._scan_proximity = ScanProximity(parameters)
+        self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust)
+        markers = parameters.rgbd.marker_detection and camera is not None
+        self._markers = MarkerFinder(parameters.marker) if markers else None
+        self._marker_priors = {link.from_id: link for link in prior_links(parameters.marker)} if markers else {}
+        self.records: list[ClosureRecord] = []
+        """Places that were compared, with what came of it."""
+
+    def optimise(self, ids: Sequence[int], graph: MapGraph, links: Sequence[Link] | None = None) -> OptimisedGraph:
+        """Return where links among some nodes agree best, all that the graph has unless told; nothing is changed."""
+        poses = np.array([graph.T_map_base[node_id] for node_id in ids])
+        root = graph_root(ids, from_end=self._parameters.rgbd.optimize_from_graph_end)
+        used = graph.links_among(ids) if links is None else links
+        return self._optimiser.optimise(ids, poses, used, root=root)
+
+    def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
+        """Return which of the proposed closures, which the graph does not have yet, it can bear."""
+        new = [proposal.link for proposal in proposals]
+        return self._check.judge(lambda links: self.optimise(ids, graph, links), graph.links_among(ids), new)
+
+    def note(self, proposals: Sequence[Proposal], verdict: Verdict) -> None:
+        """Keep what became of proposals, for the report."""
+        reasons = {(link.from_id, link.to_id): reason for link, reason in verdict.refused}
+        for proposal in proposals:
+            link = proposal.link
+            self.records.append(
+                closure_record(
+                    link, proposal.stamp_ns, proposal.registration, reason=reasons.get((link.from_id, link.to_id), ""),
+                    posterior=proposal.posterior, ratio=verdict.ratio,
+                )
+            )  # fmt: skip
+
+    def by_looks(self, node: Signature, hypothesis: Hypothesis, graph: MapGraph) -> list[Proposal]:
+        """Return the closure with the place that the node most likely shows, if it is accepted and its geometry holds."""
+        if not hypothesis.accepted or self._camera is None or graph.are_linked(hypothesis.node, node.id):
+            return []
+        around = [other for other in graph.neighbours(hypothesis.node) if other in graph.nodes and other != node.id]
+        candidates = [self._memory.signature(other) for other in (hypothesis.node, *around[: 2 * _NEIGHBOURS])]
+        known = [candidate for candidate in candidates if candidate is not None and len(candidate.features)]
+        known = [candidate for candidate in known if not graph.are_linked(candidate.id, node.id)]
+        if not known:
+            return []
+        old_id, found = register_best(known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed)
+        found = self._by_scans_too(found, self._memory.signature(old_id), node)
+        proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
+        return [] if proposal is None else [proposal]
+
+    def by_markers(
+        self, node: Signature, images: NodeImages | None, graph: MapGraph
+    ) -> tuple[list[Link], list[Proposal]]:
+        """Return links to markers that were not seen before, with what is told of them, and closures by known ones."""
+        if self._markers is None or images is None:
+            return [], []
+        seen = self._markers.links(node.id, images)
+        known = [link for link in seen if link.to_id in graph.T_map_base]
+        new = [link for link in seen if link.to_id not in graph.T_map_base]
+        told = [self._marker_priors[link.to_id] for link in new if link.to_id in self._marker_priors]
+        return [*new, *told], [_by_marker(link, node.stamp_ns) for link in known]
+
+    def by_place(self, node: Signature, graph: MapGraph) -> list[Proposal]:
+        """Return the closures with places near by, in space and in time, by looks and by scans."""
+        found = self._near_by_looks(node, graph) if self._camera is not None else []
+        tied = {proposal.link.from_id for proposal in found}
+        if node.scan is not None:
+            found += [proposal for proposal in self._near_by_scans(node, graph) if proposal.link.from_id not in tied]
+        return found
+
+    def _near_by_looks(self, node: Signature, graph: MapGraph) -> list[Proposal]:
+        rgbd, memory = self._parameters.rgbd, self._memory
+        held = (memory.signature(node_id) for node_id in memory.short_term if node_id != node.id)
+        matches = [
+            *visual_proximity_in_time(node, graph.links, [old for old in held if old is not None], self._register, rgbd),
+            *visual_proximity(
+                node, graph.T_map_base, graph.links, memory.signature, self._register, rgbd,
+                among=memory.working, last_closure=memory.last_closure,
+            ),
+        ]  # fmt: skip
+        found = (self._proposal(match.near_id, node, match.kind, match.registration) for match in matches)
+        return [proposal for proposal in found if proposal is not None]
+
+    def _near_by_scans(self, node: Signature, graph: MapGraph) -> list[Proposal]:
+        memory = self._memory
+        matches = self._scan_proximity.links(
+            node.id, graph, self._scan_of, among=memory.working, last_closure=memory.last_closure
+        )
+        found = (
+            self._proposal(match.near_id, node, match.kind, match.registration, by_scans=True) for match in matches
+        )
+        return [proposal for proposal in found if proposal is not None]
+
+    def _scan_of(self, node_id: int) -> NodeScan | None:
+        held = self._memory.signature(node_id)
+        return None if held is None else held.scan
+
+    def _by_scans_too(self, found: Registration, old: Signature | None, new: Signature) -> Registration:
+        """Return what looks tell as scans correct it, where Reg/Strategy asks for that."""
+        if self._parameters.reg.strategy == 0 or old is None:
+            return found
+        return refined_by_scans(found, old.scan, new.scan, self._scan_settings)
+
+    def in_the_end(self, graph: MapGraph, node_ids: list[int]) -> Iterator[list[Proposal]]:
+        """Yield, node by node, closures with nodes near it in the finished map that no link ties to it yet."""
+        if self._camera is None:
+            return
+        for node_id in node_ids:
+            node = self._memory.recall(node_id)
+            found = []
+            for other_id in _near_in_map(graph, node_id):
+                other = self._memory.recall(other_id)
+                guess = se3.inverse(graph.T_map_base[other_id]) @ graph.T_map_base[node_id]
+                registration = self._by_scans_too(self._register(other, node, guess), other, node)
+                proposal = self._proposal(other_id, node, LinkKind.LOCAL_SPACE_CLOSURE, registration)
+                if proposal is not None:
+                    found.append(proposal)
+            if found:
+                yield found
+
+    def refined(self, link: Link, old: Signature, new: Signature) -> Link:
+        """Return a link between neighbours, measured anew if RGBD/NeighborLinkRefining asks for it and it can be."""
+        rgbd, scans = self._parameters.rgbd, (old.scan, new.scan)
+        if not rgbd.neighbor_link_refining or self._parameters.slamcli.odometry != "recording":
+            return link  # what odometry matched itself is not matched again
+        covariance = np.asarray(np.linalg.inv(link.information), dtype=np.float64)
+        if self._parameters.reg.strategy > 0:
+            motion, spread = refined_motion(scans, link.T_from_to, covariance, self._scan_settings)
+            return replace(link, T_from_to=motion, information=information_of(spread))
+        found = refused("no camera") if self._camera is None else self._register(old, new, link.T_from_to)
+        if found.T_a_b is None:
+            return link
+        return replace(link, T_from_to=found.T_a_b, information=information_of(found.covariance))
+
+    def _register(self, old: Signature, new: Signature, guess: Floats | None) -> Registration:
+        if self._camera is None:
+            raise ValueError("places without cameras are not compared by features")
+        return register_visual(old, new, self._camera, self.T_base_camera, self._settings, seed=self._seed, guess=guess)
+
+    def _proposal(
+        self,
+        old_id: int,
+        node: Signature,
+        kind: LinkKind,
+        found: Registration,
+        posterior: float = 0.0,
+        *,
+        by_scans: bool = False,
+    ) -> Proposal | None:
+        """Return a closure that can be proposed; what failed is noted."""
+        if found.T_a_b is None:
+            self.records.append(closure_record((old_id, node.id, kind), node.stamp_ns, found, posterior=posterior))
+            return None
+        return Proposal(
+            link=closure_link(old_id, node.id, kind, found),
+            stamp_ns=node.stamp_ns,
+            registration=found,
+            posterior=posterior,
+            by_scans=by_scans,
+        )
+
+
+def _by_marker(link: Link, stamp_ns: int) -> Proposal:
+    """Return a closure by a marker that other nodes saw too."""
+    covariance = np.asarray(np.linalg.inv(link.information), dtype=np.float64)
+    seen = Registration(T_a_b=link.T_from_to, covariance=covariance, matches=np.zeros((0, 2), dtype=np.int64))
+    return Proposal(link=link, stamp_ns=stamp_ns, registration=seen)
+
+
+def information_of(covariance: Floats) -> Floats:
+    """Return the inverse of a covariance (6, 6) of a motion; what is known better than 0.1 mm and 0.01 degree is not."""
+    floor = np.diag([1e-8, 1e-8, 1e-8, 3e-8, 3e-8, 3e-8])
+    information = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
+    return 0.5 * (information + information.T)
+
+
+def _near_in_map(graph: MapGraph, node_id: int) -> list[int]:
+    """Return the nearest older nodes that look the same way and that no link ties to a node."""
+    here = graph.T_map_base[node_id]
+    component = set(graph.component(node_id))
+    found: list[tuple[float, int]] = []
+    for other, T in graph.T_map_base.items():
+        if 0 < other < node_id and other in component and not graph.are_linked(other, node_id):
+            way, turn = motion_size(se3.inverse(T) @ here)
+            if way <= _NEAR_M and turn <= _NEAR_RAD:
+                found.append((way + turn, other))
+    return [other for _, other in sorted(found)[:_MOST_PER_NODE]]

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: MIT
+"""What a run ends with, in the frame of its map."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import EstimationError
+from slamcli.geometry import se3
+from slamcli.mapper import MappingResult, Setup
+from slamcli.posegraph.keyframe_graph import EDGE_KINDS, KeyframeGraph
+from slamcli.rtabmap.database import Database
+from slamcli.rtabmap.frame_track import FrameTrack, PlacedFrames
+from slamcli.rtabmap.links import CLOSURES, Link, LinkKind
+from slamcli.rtabmap.map_graph import MapGraph
+from slamcli.rtabmap.maps import build_maps
+from slamcli.rtabmap.node_views import NodeViews
+from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.rtabmap.session import Session
+from slamcli.rtabmap.signature import NodeImages, NodeScan
+from slamcli.rtabmap.turning_upright import find_upright
+from slamcli.rtabmap.update_record import columns
+from slamcli.trajectory import Trajectory
+
+Floats = NDArray[np.float64]
+
+
+def chosen_component(graph: MapGraph, own_nodes: list[int]) -> list[int]:
+    """Return the ids, increasing, of the nodes of the map that holds most nodes of this run; the older of two equal ones.
+
+    Raises
+    ------
+    EstimationError
+        If the run has no nodes.
+    """
+    if not own_nodes:
+        raise EstimationError("rtabmap: no node was made")
+    component_of: dict[int, int] = {}
+    members: dict[int, list[int]] = {}
+    for node_id in own_nodes:
+        if node_id not in component_of:
+            found = [other for other in graph.component(node_id) if other in graph.nodes]
+            members[found[0]] = found
+            component_of.update(dict.fromkeys(found, found[0]))
+    counts = Counter(component_of[node_id] for node_id in own_nodes)
+    return members[min(counts, key=lambda first: (-counts[first], first))]
+
+
+def keyframe_graph(graph: MapGraph, ids: list[int]) -> KeyframeGraph:
+    """Return nodes and the links between them as other tools take them; odometry is the tree, closures are loops."""
+    row_of = {node_id: row for row, node_id in enumerate(ids)}
+    wanted = (LinkKind.NEIGHBOR, LinkKind.NEIGHBOR_MERGED, *CLOSURES)
+    links = [link for link in graph.links_among(ids) if link.kind in wanted and link.from_id != link.to_id]
+    ordered = [_ascending(link) for link in links]
+    kinds = [EDGE_KINDS.index("loop" if link.kind in CLOSURES else "tree") for link in ordered]
+    return KeyframeGraph(
+        stamps_ns=np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64),
+        T_map_base=np.array([graph.T_map_base[node_id] for node_id in ids]),
+        pairs=np.array([(row_of[link.from_id], row_of[link.to_id]) for link in ordered], dtype=np.int64).reshape(-1, 2),
+        shared=np.zeros(len(ordered), dtype=np.int64),
+        kinds=np.array(kinds, dtype=np.int64),
+        T_first_second=np.array([link.T_from_to for link in ordered]).reshape(-1, 4, 4),
+        information=np.array([link.information for link in ordered]).reshape(-1, 6, 6),
+    )
+
+
+def _ascending(link: Link) -> Link:
+    """Return a link that leads from the smaller id to the larger one."""
+    return link if link.from_id < link.to_id else link.inverse()
+
+
+def summary_of(session: Session, track: FrameTrack, ids: list[int], placed: PlacedFrames) -> dict[str, Any]:
+    """Return the figures for ``run.json``."""
+    graph, own = session.graph, set(session.own_nodes)
+    kinds = Counter(link.kind for link in graph.links)
+    lost = track.num_lost
+    return {
+        "frames": len(track.stamps_ns),
+        "lost": lost,
+        "in other maps": len(track.stamps_ns) - lost - len(placed.rows),
+        "odometry_resets": max(track.num_stretches - 1, 0),
+        "nodes": len(own),
+        "nodes in the map": len(ids),
+        "sessions joined": len({graph.nodes[node_id].map_id for node_id in ids}),
+        "sessions": len({node.map_id for node in graph.nodes.values()}),
+        "loop_closures": kinds[LinkKind.GLOBAL_CLOSURE],
+        "proximity_closures": kinds[LinkKind.LOCAL_SPACE_CLOSURE] + kinds[LinkKind.LOCAL_TIME_CLOSURE],
+    }
+
+
+def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters, setup: Setup) -> MappingResult:
+    """Return trajectory, nodes and maps, and close the database."""
+    graph, database = session.graph, session.keeping.database
+    ids = chosen_component(graph, session.own_nodes)
+    sensors = partial(_sensors, database)
+    up, floor_m = _turn_upright(session, ids, setup)
+    T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
+    placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
+    stamps = np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64)
+    if not parameters.rgbd.create_occupancy_grid:
+        setup.log.note(
+            "RGBD/CreateOccupancyGrid is off: no map of the plane is made (--set RGBD/CreateOccupancyGrid=true)"
+        )
+    maps = build_maps(
+        zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
+        octree=setup.octree, floor_m=floor_m, keep=None if session.keeping.fixed else session.keeping.keep_grid,
+    )  # fmt: skip
+    session.close(ids, maps.grid)
+    return MappingResult(
+        trajectory=_trajectory(placed.stamps_ns, placed.T_map_base, setup),
+        keyframes=_trajectory(stamps, T_map_node, setup),
+        keyframe_graph=keyframe_graph(graph, ids), steps=columns(session.records), grid=maps.grid, cloud=maps.cloud,
+        octree=maps.octree, summary={**summary_of(session, track, ids, placed), "up_from": up},
+        database=None if setup.database is None else setup.database.path,
+        views=None if setup.database is None or setup.rig is None else NodeViews(
+            database=setup.database.path, ids=np.array(ids, dtype=np.int64), T_map_base=T_map_node,
+        ),
+    )  # fmt: skip
+
+
+def _sensors(database: Database, node_id: int) -> tuple[NodeImages | None, NodeScan | None]:
+    return database.read_images(node_id), database.read_scan(node_id)
+
+
+def _turn_upright(session: Session, ids: list[int], setup: Setup) -> tuple[str, float | None]:
+    """Turn the map so that z is up, unless its base is known to be upright; return what told it, and z of the floor if that did."""
+    graph = session.graph
+    known = setup.rig is None or setup.rig.base_is_upright
+    if known or ids[0] not in session.own_nodes:
+        return "base" if known else "database", None
+    if any(link.kind == LinkKind.GRAVITY for link in graph.links_among(ids)):
+        return "imu", None
+    T_map_base = np.array([graph.T_map_base[node_id] for node_id in ids])
+    T_base_camera = session.closing.T_base_camera
+    T_up_map, found = find_upright(
+        ids, T_map_base, T_base_camera, partial(_sensors, session.keeping.database), setup.seed
+    )
+    graph.place(ids, T_up_map @ T_map_base)
+    return found.source, found.floor_m
+
+
+def _trajectory(stamps_ns: NDArray[np.int64], T_map_base: Floats, setup: Setup) -> Trajectory:
+    positions, quats = se3.to_position_quaternion(T_map_base)
+    return Trajectory(stamps_ns, positions, quats, frame_id=setup.map_frame, child_frame_id=setup.base_frame)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""How a run begins: with an empty memory, or with what a database holds of earlier sessions."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from slamcli.mapper import Setup
+from slamcli.rtabmap.closing import Closing
+from slamcli.rtabmap.database import Database, StorageSettings
+from slamcli.rtabmap.fronts import Front
+from slamcli.rtabmap.hypothesis import LoopDetector
+from slamcli.rtabmap.keeping import Keeping, parameters_text
+from slamcli.rtabmap.map_graph import GraphNode, MapGraph
+from slamcli.rtabmap.memory import Memory
+from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.rtabmap.session import Session
+
+
+def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> Session:
+    """Return a session whose database is open; the session closes it.
+
+    Raises
+    ------
+    FormatError
+        If the database cannot be used.
+    """
+    database = _database(parameters, setup)
+    memory = Memory(parameters, database)
+    graph = MapGraph()
+    if setup.database is not None and setup.database.append:
+        restore(database, graph, memory)
+    closing = Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed)
+    keeping = Keeping(database, bin_data=parameters.mem.bin_data_kept, labels=parameters.mem.map_labels_added)
+    detector = LoopDetector(parameters, memory, seed=setup.seed)
+    return Session(
+        parameters, memory=memory, graph=graph, detector=detector, closing=closing, keeping=keeping, log=setup.log
+    )
+
+
+def restore(database: Database, graph: MapGraph, memory: Memory) -> None:
+    """Put nodes, links and poses of earlier sessions into the graph, and what memory begins with into memory."""
+    nodes, optimised = database.nodes(), database.optimised()
+    placed = {} if optimised is None else dict(zip(optimised.ids.tolist(), optimised.T_map_base, strict=True))
+    links = database.links()
+    linked = {end for link in links for end in (link.from_id, link.to_id)}
+    for row, node_id in enumerate(nodes.ids.tolist()):
+        known = np.isfinite(nodes.T_odom_base[row]).all()
+        if nodes.weights[row] >= 0 and known and (node_id in linked or node_id in placed or len(nodes) == 1):
+            T_odom_base = nodes.T_odom_base[row]
+            node = GraphNode(
+                id=node_id, map_id=int(nodes.map_ids[row]), stamp_ns=int(nodes.stamps_ns[row]), T_odom_base=T_odom_base
+            )
+            graph.add_node(node, placed.get(node_id, T_odom_base))
+    for link in links:
+        if link.from_id in graph.nodes and (link.to_id in graph.nodes or link.to_id < 0):
+            graph.add_link(link)
+    words, _ = database.words()
+    kept = {
+        node_id: int(weight)
+        for node_id, weight in zip(nodes.ids.tolist(), nodes.weights.tolist(), strict=True)
+        if node_id in graph.nodes
+    }
+    working = [node_id for node_id in database.last_working_ids().tolist() if node_id in graph.nodes]
+    memory.restore(kept, working or list(graph.nodes), last_word=int(words.max(initial=0)))
+
+
+def storage_settings(parameters: RtabmapParameters) -> StorageSettings:
+    """Return how nodes are kept in the file."""
+    mem, sqlite = parameters.mem, parameters.db_sqlite3
+    return StorageSettings(
+        image_encoding=mem.image_compression_format, depth_encoding=mem.depth_compression_format,
+        depth_16_bits=mem.save_depth_16_format, cache_pages=sqlite.cache_size, journal_mode=sqlite.journal_mode,
+        synchronous=sqlite.synchronous, temp_store=sqlite.temp_store, in_memory=sqlite.in_memory,
+    )  # fmt: skip
+
+
+def _database(parameters: RtabmapParameters, setup: Setup) -> Database:
+    choice, settings = setup.database, storage_settings(parameters)
+    if choice is None:  # nobody asked for one: it lives as long as the run
+        path = Path(tempfile.mkdtemp(prefix="slamcli-")) / "rtabmap.db"
+        return Database.create(path, parameters_text(parameters), settings=settings, jobs=setup.jobs)
+    if choice.append:
+        return Database.append(choice.path, parameters_text(parameters), settings=settings, jobs=setup.jobs)
+    return Database.create(choice.path, parameters_text(parameters), settings=settings, jobs=setup.jobs)

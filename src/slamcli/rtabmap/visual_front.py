@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: MIT
+"""From images, and the odometry and scans that come with them, to moments with a pose by odometry."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import UsageError
+from slamcli.geometry import se3
+from slamcli.mapper import Setup
+from slamcli.measurements import Image, LaserScan, Measurement, Odometry, PointCloud, RgbdFrame, StereoPair
+from slamcli.rtabmap.feature_extraction import FeatureExtractor
+from slamcli.rtabmap.given_odometry import GivenOdometry, motion_covariance
+from slamcli.rtabmap.guided_odometry import GuidedOdometry
+from slamcli.rtabmap.moment import Moment
+from slamcli.rtabmap.node_input import OdometryStep
+from slamcli.rtabmap.node_scans import node_scan, sweep_ns
+from slamcli.rtabmap.odometry_settings import odometry_settings
+from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.rtabmap.settings import feature_settings, preparation_settings, word_settings, words_are_odometrys
+from slamcli.rtabmap.signature import NodeImages, NodeScan, no_features
+from slamcli.rtabmap.visual_odometry import VisualOdometry
+from slamcli.vision.features import Features
+from slamcli.vision.preparation import Preparation, PreparedFrame
+
+Floats = NDArray[np.float64]
+
+_AHEAD = 4
+"""Frames whose features are found before the oldest one is taken."""
+_LOST_UNTIL_ANEW = 3
+"""Frames in a row that show nothing known before the local map begins anew where the wheels say the robot is."""
+_LATEST_SCAN_NS = 200_000_000
+"""A scan farther in time from an image than this is of another place."""
+
+
+class VisualFront:
+    """Finds features on another thread, and hands out frames in their order as soon as their odometry is known."""
+
+    def __init__(self, parameters: RtabmapParameters, setup: Setup) -> None:
+        if setup.rig is None:
+            raise UsageError("rtabmap: there are no cameras to see with")
+        self.preparation = Preparation(setup.rig, preparation_settings(parameters, setup.rig))
+        words = FeatureExtractor(word_settings(parameters), self.preparation)
+        is_given = parameters.slamcli.odometry == "recording"
+        self._extractor = words if is_given else FeatureExtractor(feature_settings(parameters), self.preparation)
+        self._words = None if is_given or words_are_odometrys(parameters) else words
+        """What finds the key points of nodes where those of odometry are others."""
+        self.camera = self._extractor.camera
+        self._setup = setup
+        self._workers = ThreadPoolExecutor(1) if setup.jobs > 1 else None
+        self._waiting: deque[_Waiting] = deque()
+        flat = parameters.reg.force_3dof and parameters.rgbd.force_odom_3dof
+        self._given = GivenOdometry(planar=flat)
+        """Of the recording: all there is, or a guide for visual odometry; empty where there is none."""
+        tracking = odometry_settings(parameters, self._extractor.settings.scales, setup.seed)
+        self._asks_wheels = parameters.slamcli.odometry in ("recording", "guided")
+        if (
+            parameters.slamcli.odometry == "guided" and tracking.reset_countdown == 0
+        ):  # wheels know where a new local map begins
+            tracking = replace(tracking, reset_countdown=_LOST_UNTIL_ANEW)
+        visual = VisualOdometry(tracking, self.camera, self.preparation.T_base_camera)
+        self._visual = None if parameters.slamcli.odometry == "recording" else GuidedOdometry(visual, self._given)
+        self._deskews = parameters.odom.deskewing
+        self._last: Floats | None = None
+        self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
+
+    @property
+    def T_base_camera(self) -> Floats:  # noqa: N802 - frames stand in names
+        """Pose of the ideal camera in the base frame, float64 (4, 4)."""
+        return self.preparation.T_base_camera
+
+    def take(self, measurement: Measurement) -> Iterator[Moment]:
+        """Take the next measurement; yield the frames that are ready."""
+        if isinstance(measurement, (StereoPair, RgbdFrame, Image)):
+            self._waiting.append(_Waiting(measurement.stamp_ns, self._submit(measurement)))
+        elif isinstance(measurement, Odometry) and self._asks_wheels:
+            self._given.add(measurement)
+        elif isinstance(measurement, (LaserScan, PointCloud)) and self._scans is not None:
+            mount = self._setup.T_base_laser[measurement.topic]
+            moved = self._motion_of(measurement)
+            scan = node_scan(measurement, mount, self._setup.no_return, T_begin_end=moved)
+            self._scans.append((measurement.stamp_ns, scan))
+        while self._waiting and self._ready(self._waiting[0].stamp_ns):
+            yield self._moment(self._waiting.popleft())
+
+    def finish(self) -> Iterator[Moment]:
+        """Yield the frames that still waited for something later."""
+        while self._waiting:
+            yield self._moment(self._waiting.popleft())
+        if self._workers is not None:
+            self._workers.shutdown()
+
+    def images(self, prepared: PreparedFrame) -> NodeImages:
+        """Return what a node keeps of a frame."""
+        seen = self.preparation.through_pinhole(prepared)
+        return NodeImages(
+            colour=seen.grey if seen.colour is None else seen.colour, camera=self.preparation.camera,
+            T_base_camera=self.preparation.T_base_camera, depth=seen.depth, right=seen.right,
+        )  # fmt: skip
+
+    def node_features(self, moment: Moment) -> Features:
+        """Return the key points that a node keeps of a frame."""
+        if moment.features is None or moment.prepared is None:
+            return no_features()
+        return moment.features if self._words is None else self._words.extract(moment.prepared)
+
+    def points(self, features: Features) -> Floats:
+        """Return where key points lie, (N, 3), metres, base frame; NaN where unknown."""
+        seen = self.camera.back_project(features.pixels, features.depth)
+        T = self.preparation.T_base_camera
+        return seen @ T[:3, :3].T + T[:3, 3]
+
+    def why_nothing(self) -> str:
+        """Return in words why no node was made."""
+        if self._visual is None:
+            return "the recording's odometry covers no image: look at its stamps (slamcli doctor), or --odom-topic none"
+        return "no image has enough key points with known depth to begin with (Vis/MinInliers)"
+
+    def refined(self) -> tuple[NDArray[np.int64], Floats] | None:
+        """Return stamps (F,) and poses T_odom_base (F, 4, 4) as own odometry knows them in the end; None for given odometry."""
+        return None if self._visual is None else self._visual.track()
+
+    def _submit(self, measurement: Measurement) -> Future[_Seen] | _Done:
+        if self._workers is None:
+            return _Done(self._see(measurement))
+        return self._workers.submit(self._see, measurement)
+
+    def _see(self, measurement: Measurement) -> _Seen:
+        prepared = self.preparation.prepare(measurement)
+        return _Seen(prepared, self._extractor.extract(prepared))
+
+    def _ready(self, stamp_ns: int) -> bool:
+        """Return whether a frame can be handed out: enough are looked at ahead, and nothing that belongs to it is yet to come."""
+        if self._asks_wheels and not self._given.covers(stamp_ns):
+            return False
+        if self._scans is not None and not (self._scans and self._scans[-1][0] >= stamp_ns):
+            return False
+        return self._workers is None or len(self._waiting) > _AHEAD
+
+    def _moment(self, waiting: _Waiting) -> Moment:
+        seen = waiting.seen.result()
+        step = self._given_step(waiting.stamp_ns) if self._visual is None else self._own_step(waiting.stamp_ns, seen)
+        return Moment(step=step, features=seen.features, prepared=seen.prepared, scan=self._scan_at(waiting.stamp_ns))
+
+    def _own_step(self, stamp_ns: int, seen: _Seen) -> OdometryStep:
+        if self._visual is None:
+            raise UsageError("rtabmap: no visual odometry runs here")
+        return self._visual.step(stamp_ns, seen.features)
+
+    def _given_step(self, stamp_ns: int) -> OdometryStep:
+        pose = self._given.at(stamp_ns)
+        if pose is None:
+            return OdometryStep(stamp_ns=stamp_ns, T_odom_base=None, covariance=np.zeros((6, 6)))
+        motion = np.eye(4) if self._last is None else se3.inverse(self._last) @ pose
+        self._last = pose
+        return OdometryStep(stamp_ns=stamp_ns, T_odom_base=pose, covariance=motion_covariance(motion))
+
+    def _motion_of(self, sweep: LaserScan | PointCloud) -> Floats | None:
+        """Return how the base moved while a sweep was measured, by the recording's odometry; None where that is not known."""
+        if not self._deskews:
+            return None
+        begin, end = self._given.at(sweep.stamp_ns), self._given.at(sweep.stamp_ns + sweep_ns(sweep))
+        return None if begin is None or end is None else se3.inverse(begin) @ end
+
+    def _scan_at(self, stamp_ns: int) -> NodeScan | None:
+        """Return the scan that is nearest in time, moved to where the robot was at the stamp."""
+        if not self._scans:
+            return None
+        while len(self._scans) > 1 and self._scans[1][0] <= stamp_ns:
+            self._scans.popleft()
+        taken_ns, scan = min(list(self._scans)[:2], key=lambda entry: abs(entry[0] - stamp_ns))
+        if abs(taken_ns - stamp_ns) > _LATEST_SCAN_NS:
+            return None
+        then, now = self._given.at(taken_ns), self._given.at(stamp_ns)
+        return scan if then is None or now is None else scan.moved(se3.inverse(now) @ then)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    prepared: PreparedFrame
+    features: Features
+
+
+class _Done:
+    """What is there already, in the place of what another thread makes."""
+
+    def __init__(self, seen: _Seen) -> None:
+        self._seen = seen
+
+    def result(self) -> _Seen:
+        """Return it."""
+        return self._seen
+
+
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    stamp_ns: int
+    seen: Future[_Seen] | _Done
