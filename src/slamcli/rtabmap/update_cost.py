@@ -2,7 +2,7 @@
 """How long an update takes, told from what it does: `Rtabmap/TimeThr` is held against it.
 
 A clock would make the map depend on what else the computer does. The model counts instead, so that the same recording gives the
-same map; its coefficients were measured (benchmarks/appearance_memory.py).
+same map. Its coefficients are CPU times of one core of 2023 (benchmarks/appearance_memory.py, benchmarks/graph_updates.py).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ _MS_PER_WORD_SEARCH = 2e-7
 _MS_PER_KEY_POINT = 0.005
 _MS_PER_NODE = 0.005
 """For each place in working memory: its links, its likelihood, its posterior."""
-_MS_PER_READ = 2.0
-_MS_PER_REGISTRATION = 5.0
-_MS_PER_OPTIMISED = 0.02
+_MS_PER_READ = 10.0
+_MS_PER_REGISTRATION = 20.0
+_MS_PER_OPTIMISED = 0.04
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
