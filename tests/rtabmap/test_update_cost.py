@@ -19,7 +19,7 @@ def test_every_part_takes_time():
         "registrations": 1,
         "optimised": 1000,
     }
-    assert modelled_ms(UpdateWork(**typical)) == pytest.approx(base + 2.5 + 20.0 + 5.0 + 20.0 + 20.0 + 40.0)
+    assert modelled_ms(UpdateWork(**typical)) == pytest.approx(base + 2.5 + 20.0 + 5.0 + 10.0 + 20.0 + 40.0)
     for name in ("key_points", "working", "retrieved", "registrations", "optimised"):
         assert modelled_ms(UpdateWork(**{name: 100})) > base
 

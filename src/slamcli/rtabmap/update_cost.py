@@ -18,7 +18,7 @@ _MS_PER_WORD_SEARCH = 2e-7
 _MS_PER_KEY_POINT = 0.005
 _MS_PER_NODE = 0.005
 """For each place in working memory: its links, its likelihood, its posterior."""
-_MS_PER_READ = 10.0
+_MS_PER_READ = 5.0
 _MS_PER_REGISTRATION = 20.0
 _MS_PER_OPTIMISED = 0.04
 
