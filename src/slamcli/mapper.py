@@ -79,7 +79,8 @@ class DatabaseChoice:
     append: bool = False
     """Whether the file is there, and its map is gone on from; otherwise there is no such file yet."""
     keep: bool = False
-    """Whether the user named it, and it stays where it is; otherwise it ends in the folder of the result."""
+    """Whether the user named it, and it stays where it is; otherwise it ends in the folder of the result, or, if it is a copy to
+    localise in (`append`), nowhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,6 +159,8 @@ class InputPlan:
     """Whether the map has three dimensions: then a tilted scanner is no mistake, and odometry is not flattened."""
     keep_scans: bool = False
     """Whether scans stay scans in a map of three dimensions; otherwise they become clouds there."""
+    clouds_as_scans: bool = False
+    """Whether clouds are those of a planar scanner, and come as scans."""
     samples_first: bool = False
     """Whether odometry and IMU samples up to the end of each scan or cloud, and the first one after it, come before it;
     otherwise all come as they were recorded. Where there are images they always do."""

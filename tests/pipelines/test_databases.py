@@ -330,10 +330,24 @@ def test_a_map_that_stays_as_it_is(tmp_path: Path, bag: Path, monkeypatch: pytes
         assert setup.localise_only
         assert not parameters.mem.incremental_memory
         assert setup.database is not None
-        assert (setup.database.path, setup.database.append, setup.database.keep) == (file, True, True)
+        assert (setup.database.append, setup.database.keep) == (True, False)  # a copy
+        assert setup.database.path == running_file(tmp_path / "out")
+        assert not setup.database.path.exists()
     with pytest.raises(UsageError, match="name the database to localise in"):
         run_map(MapRequest(algo="rtabmap", inputs=[bag], sets=("Mem/IncrementalMemory=false",)), RunLog())
     assert num_nodes(file) == 2
+    bytes_before = file.read_bytes()
+    monkeypatch.setattr(RtabmapTier, "build", lambda self, parameters, setup: Writing(setup, -1))
+    atlas = AtlasChoices(localise_only=True)
+    run_map(
+        MapRequest(
+            algo="rtabmap", inputs=[bag], output=tmp_path / "out", database=DatabaseRequest(file=file), atlas=atlas
+        ),
+        RunLog(),
+    )
+    assert file.read_bytes() == bytes_before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", "home.db", "out"]
+    assert not (tmp_path / "out" / "rtabmap.db").exists()
 
 
 def test_a_database_in_use_is_left_alone(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,6 +83,7 @@ def test_a_database_of_2015_is_read(tmp_path: Path) -> None:
         assert signature.scan is not None
         assert signature.scan.planar
         assert signature.scan.points.tolist() == [[1.0, 2.0, 0.0], [3.0, 4.0, 0.0]]
+        assert (database.counts().with_images, database.counts().key_points, database.counts().infos) == (1, 2, 0)
         assert database.read_local_grid(1) is None
         assert database.optimised() is None
         assert database.grid() is None

@@ -148,8 +148,9 @@ def test_settings_that_exclude_each_other_are_off():
     low = local_grid_settings(parameters(Grid__MaxGroundHeight=0.1, Grid__MinGroundHeight=0.2))
     assert low.min_ground_height_m == 0.0
     assert local_grid_settings(parameters(Grid__MaxGroundAngle=90.0)).ground.max_angle_rad == pytest.approx(np.pi / 2)
+    assert assembly_settings(parameters(GridGlobal__OccupancyThr=0.7)).odds.threshold == 0.7
     with pytest.raises(ConfigError, match="must be below"):
-        assembly_settings(parameters(GridGlobal__ProbClampingMin=0.9, GridGlobal__ProbClampingMax=0.5))
+        parameters(GridGlobal__ProbClampingMin=0.9, GridGlobal__ProbClampingMax=0.5)
 
 
 def test_tables_are_obstacles_where_the_floor_is_known():

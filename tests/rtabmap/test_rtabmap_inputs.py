@@ -146,6 +146,7 @@ def test_sweeps_take_the_values_of_rtabmaps_own_example() -> None:
         (offer(scans=1), {"Reg__Strategy": 0}, "needs images"),
         (offer("mono", "rgbd"), {"Grid__Sensor": 0}, "asks for scans"),
         (offer(scans=1), {"Grid__Sensor": 2}, "asks for depth images"),
+        (offer("mono", "rgbd"), {"Mem__BinDataKept": False}, "images are not kept"),
     ],
 )
 def test_values_that_these_sensors_cannot_serve_are_warned_of(

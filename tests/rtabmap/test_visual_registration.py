@@ -12,7 +12,7 @@ from visual_worlds import CAMERA, T_BASE_CAMERA, error, motion, signature, world
 from slamcli.rtabmap import two_frame_adjustment
 from slamcli.rtabmap.depth_agreement import depth_agreement
 from slamcli.rtabmap.parameters import RegGroup, VisGroup
-from slamcli.rtabmap.registration import flat_motion
+from slamcli.rtabmap.registration import Registration, flat_motion, inverted, refused
 from slamcli.rtabmap.signature import no_features
 from slamcli.rtabmap.visual_registration import inliers_distribution, register_best, register_visual
 from slamcli.rtabmap.visual_settings import VisualSettings, visual_settings
@@ -202,3 +202,39 @@ def test_a_motion_that_surfaces_contradict_is_refused():
     other = register(a, replace(b, points=moved, features=replace(b.features, descriptors=bits)))
     assert other.T_a_b is None
     assert "have the same depth" in other.reason
+
+
+def test_inverse_registrations_carry_their_covariance():
+    rng = np.random.default_rng(0)
+    root = 0.01 * rng.normal(size=(6, 6))
+    found = Registration(
+        T_a_b=TRUTH, covariance=root @ root.T, num_matches=9, num_inliers=3, matches=np.array([[1, 2], [3, 4], [5, 6]])
+    )
+    back = inverted(found)
+    assert np.allclose(back.T_a_b, np.linalg.inv(TRUTH))
+    assert back.matches.tolist() == [[2, 1], [4, 3], [6, 5]]
+    assert np.allclose(inverted(back).covariance, found.covariance)
+    steps = rng.normal(size=(4000, 6)) @ root.T
+    moved = [np.linalg.inv(motion(*(TRUTH[:3, 3] + s[:3]), (0, 0, 0)) @ turned(s[3:])) for s in steps]
+    seen = np.cov(np.array([error(T, back.T_a_b) for T in moved]).T)
+    assert np.abs(seen - back.covariance).max() < 0.1 * np.abs(back.covariance).max()
+    assert inverted(refused("none")).reason == "none"
+
+
+def turned(vector):
+    T = motion(rotvec=tuple(vector))
+    T[:3, :3] = T[:3, :3] @ TRUTH[:3, :3]
+    return T
+
+
+def test_the_other_way_round_and_from_a_guess():
+    a, b = pair()
+    best, found = register_best(
+        [a], b, CAMERA, T_BASE_CAMERA, VisualSettings(), seed=0, inversely=True, guess=TRUTH @ motion(0.02)
+    )
+    assert best == 1
+    assert np.abs(error(found.T_a_b, TRUTH)).max() < 0.02
+    assert np.isfinite(a.points[found.matches[:, 0], 0]).any()
+    assert (found.matches.max(axis=0) < (len(a.features), len(b.features))).all()
+    _, far = register_best([a], b, CAMERA, T_BASE_CAMERA, VisualSettings(), seed=0, guess=TRUTH @ motion(0, 2.0))
+    assert far.T_a_b is None

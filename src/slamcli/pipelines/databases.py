@@ -78,8 +78,8 @@ class DatabaseRequest:
         """Whether the file is there, and is gone on from."""
         return self.file is not None and self.file.is_file() and not self.anew
 
-    def begin(self, output: Path, log: RunLog) -> DatabaseChoice:
-        """Make way for the database, and return where it lies.
+    def begin(self, output: Path, log: RunLog, *, localise_only: bool = False) -> DatabaseChoice:
+        """Make way for the database, and return where it lies; one that must not change is copied there.
 
         What a run that was killed left beside the result is moved aside, never removed, unless there is no node in it.
 
@@ -88,7 +88,7 @@ class DatabaseRequest:
         UsageError
             If another process uses the file.
         """
-        if self.file is not None:
+        if self.file is not None and not localise_only:
             choice = DatabaseChoice(path=self.file, append=self.appends, keep=True)
             if self.anew and self.file.is_file():
                 _check_free(self.file)
@@ -111,7 +111,10 @@ class DatabaseRequest:
             log.note(
                 f"an earlier run that did not end left its database: it lies in {aside} now (--database goes on in it)"
             )
-        return DatabaseChoice(path=path)
+        if self.file is not None:
+            _check_free(self.file)
+            shutil.copyfile(self.file, path)
+        return DatabaseChoice(path=path, append=self.file is not None)
 
 
 def localising(tier: Tier, config: NativeConfig, asked: bool) -> tuple[NativeConfig, bool]:
@@ -138,7 +141,7 @@ def put_into(folder: Path, result: MappingResult, choice: DatabaseChoice | None)
     The file beside the folder is there still, so that nothing is lost if the folder is not finished; `remove_running`
     removes it.
     """
-    if choice is None or choice.keep or result.database is None:
+    if choice is None or choice.keep or is_scratch(choice) or result.database is None:
         return ()
     try:
         os.link(result.database, folder / FILE)
@@ -149,8 +152,13 @@ def put_into(folder: Path, result: MappingResult, choice: DatabaseChoice | None)
 
 def remove_running(choice: DatabaseChoice | None) -> None:
     """Remove the database beside the result, once it lies in its folder, or nothing was written into it."""
-    if choice is not None and not choice.append:
+    if choice is not None and (is_scratch(choice) or not choice.append):
         _remove(choice.path)
+
+
+def is_scratch(choice: DatabaseChoice | None) -> bool:
+    """Return whether it is a copy of a database that must not change: worth nothing once the run is over."""
+    return choice is not None and choice.append and not choice.keep
 
 
 def _remove(path: Path) -> None:

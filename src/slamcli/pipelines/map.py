@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from slamcli.errors import CalibrationError, InputError, UsageError
+from slamcli.errors import CalibrationError, SlamcliError, UsageError
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.mapper import DatabaseChoice, MappingResult, Setup, Tier, find_resuming_tier, find_tier
 from slamcli.outputs import atomic_directory, check_directory, check_file
@@ -19,7 +19,7 @@ from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.camera_request import depth_unit
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.database_input import are_databases, open_databases
-from slamcli.pipelines.databases import localising, put_into, remove_running
+from slamcli.pipelines.databases import is_scratch, localising, put_into, remove_running
 from slamcli.pipelines.dense import DenseModel, check_dense, dense_model, is_empty, model_of_views
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.feeds import Feed, find_feed
@@ -95,7 +95,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         )  # fmt: skip
         declared = declarations(type(config.parameters))
         document = write_records(folder, document, result, written, score=score, declared=declared)
-    if moved:
+    if moved or is_scratch(run.database):
         remove_running(run.database)
     if request.save_state is not None and result.state is not None:
         write_state(request.save_state, result.state)
@@ -125,7 +125,7 @@ def _from_recording(
         check_dense(request.choices.of_dense, feed.cameras, remembered=tier.remembers)
         check_dimensions(state, spatial=feed.plan.spatial)
         setup = replace(_setup(request, feed, state, log), localise_only=localise_only)
-        database = request.database.begin(output, log) if tier.remembers else None
+        database = request.database.begin(output, log, localise_only=localise_only) if tier.remembers else None
         result = _mapped(feed, tier, replace(setup, database=database), log)
         dense = _dense(request, feed, result, log)
     return _Run(
@@ -177,8 +177,8 @@ def _mapped(feed: Feed, tier: Tier, setup: Setup, log: RunLog) -> MappingResult:
                 num += 1
                 mapper.process(measurement)
         return mapper.finish()
-    except InputError:
-        if num == 0:
+    except SlamcliError:
+        if num == 0 or is_scratch(setup.database):
             remove_running(setup.database)
         raise
 

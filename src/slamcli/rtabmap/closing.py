@@ -15,6 +15,7 @@ from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, gr
 from slamcli.rtabmap.hypothesis import Hypothesis
 from slamcli.rtabmap.landmarks import MarkerFinder, prior_links
 from slamcli.rtabmap.links import Link, LinkKind
+from slamcli.rtabmap.local_bundle import Around, adjusted_locally
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_rate import motion_size
@@ -115,10 +116,30 @@ class Closing:
         known = [candidate for candidate in known if not graph.are_linked(candidate.id, node.id)]
         if not known:
             return []
-        old_id, found = register_best(known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed)
-        found = self._by_scans_too(found, self._memory.signature(old_id), node)
+        rgbd = self._parameters.rgbd
+        old_id, found = register_best(
+            known, node, self._camera, self.T_base_camera, self._settings, seed=self._seed,
+            guess=np.eye(4) if rgbd.loop_closure_identity_guess else None, inversely=rgbd.inverted_reg,
+        )  # fmt: skip
+        old = self._memory.signature(old_id)
+        if rgbd.local_bundle_on_loop_closure and old is not None:
+            beside = self._around(old_id, graph)
+            found = adjusted_locally(
+                found, old, node, beside, self._camera, self.T_base_camera, self._settings, seed=self._seed
+            )
+        found = self._by_scans_too(found, old, node)
         proposal = self._proposal(old_id, node, LinkKind.GLOBAL_CLOSURE, found, hypothesis.posterior)
         return [] if proposal is None else [proposal]
+
+    def _around(self, node_id: int, graph: MapGraph) -> list[Around]:
+        """Return the nodes that links tie to a node and that memory holds with their features."""
+        back = se3.inverse(graph.T_map_base[node_id])
+        held = [self._memory.signature(other) for other in graph.neighbours(node_id) if other in graph.nodes]
+        return [
+            Around(signature=one, T_old_node=back @ graph.T_map_base[one.id])
+            for one in held
+            if one is not None and len(one.features)
+        ]
 
     def by_markers(
         self, node: Signature, images: NodeImages | None, graph: MapGraph

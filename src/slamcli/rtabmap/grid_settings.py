@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 
-from slamcli.errors import ConfigError
 from slamcli.grids.ground import GroundSettings
 from slamcli.grids.odds_plane import OddsSettings
 from slamcli.rtabmap.assembly import AssemblySettings
@@ -40,19 +39,8 @@ def local_grid_settings(parameters: RtabmapParameters) -> LocalGridSettings:
 
 
 def assembly_settings(parameters: RtabmapParameters) -> AssemblySettings:
-    """Return how local grids are put together.
-
-    Raises
-    ------
-    ConfigError
-        If the limits of the probability leave nothing in between.
-    """
+    """Return how local grids are put together."""
     world = parameters.grid_global
-    if not world.prob_clamping_min < world.prob_clamping_max:
-        raise ConfigError(
-            f"GridGlobal/ProbClampingMin {world.prob_clamping_min:g} must be below GridGlobal/ProbClampingMax"
-            f" {world.prob_clamping_max:g}"
-        )
     return AssemblySettings(
         odds=OddsSettings(
             hit=world.prob_hit, miss=world.prob_miss, least=world.prob_clamping_min, most=world.prob_clamping_max,

@@ -67,6 +67,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         num_point_clouds=taken.num_clouds,
         spatial=not settled.reg.force_3dof,
         keep_scans=True,
+        clouds_as_scans=taken.flat and taken.num_clouds > 0,
         samples_first=True,
         odometry=taken.odometry,
         imu=taken.imu,
@@ -217,6 +218,8 @@ def _warn(settled: RtabmapParameters, taken: _Taken, log: RunLog) -> None:
         log.warn(f"Grid/Sensor {settled.grid.sensor} asks for scans, and none are used")
     if settled.rgbd.create_occupancy_grid and settled.grid.sensor != 0 and taken.cameras in (None, "mono"):
         log.warn(f"Grid/Sensor {settled.grid.sensor} asks for depth images, and none are used")
+    if taken.cameras is not None and not settled.mem.bin_data_kept:
+        log.warn("Mem/BinDataKept is off: images are not kept, so no map, cloud or dense model is made of them")
     if not taken.ranges and settled.rgbd.proximity_path_max_neighbors > 0:
         log.note("RGBD/ProximityPathMaxNeighbors has no effect: no scans are used")
 

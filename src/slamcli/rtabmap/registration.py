@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from slamcli.geometry import se3
 
 Floats = NDArray[np.float64]
 UNKNOWN_VARIANCE = 9999.0
@@ -37,6 +39,20 @@ def refused(reason: str, *, num_matches: int = 0, num_inliers: int = 0) -> Regis
     return Registration(
         T_a_b=None, covariance=UNKNOWN_VARIANCE * np.eye(6), num_matches=num_matches, num_inliers=num_inliers,
         matches=np.zeros((0, 2), np.int64), reason=reason,
+    )  # fmt: skip
+
+
+def inverted(found: Registration) -> Registration:
+    """Return how a lies in b, from how b lies in a."""
+    if found.T_a_b is None:
+        return replace(found, matches=found.matches[:, ::-1])
+    R, t = found.T_a_b[:3, :3], found.T_a_b[:3, 3]
+    carry = np.zeros((6, 6))
+    carry[:3, :3] = carry[3:, 3:] = -R.T
+    carry[:3, 3:] = -R.T @ np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
+    return replace(
+        found, T_a_b=se3.inverse(found.T_a_b), covariance=carry @ found.covariance @ carry.T,
+        matches=np.ascontiguousarray(found.matches[:, ::-1]),
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from slamcli.errors import EstimationError
 from slamcli.geometry import se3
 from slamcli.rtabmap.depth_agreement import depth_agreement
-from slamcli.rtabmap.registration import Registration, flat_motion, refused
+from slamcli.rtabmap.registration import Registration, flat_motion, inverted, refused
 from slamcli.rtabmap.signature import Signature
 from slamcli.rtabmap.two_frame_adjustment import SharedView, adjust_pair, agreeing, motion_covariance, points_covariance
 from slamcli.rtabmap.visual_matching import GUIDED_RATIO, match_descriptors, match_projected
@@ -112,7 +112,7 @@ def register_visual(
 
 def register_best(
     candidates: Sequence[Signature], b: Signature, camera: Pinhole, T_base_camera: Floats, settings: VisualSettings,
-    *, seed: int, enough: int = 150,
+    *, seed: int, enough: int = 150, guess: Floats | None = None, inversely: bool = False,
 ) -> tuple[int, Registration]:  # fmt: skip
     """Return the id of the place that b is registered with best, and how: the one with most inliers.
 
@@ -120,12 +120,23 @@ def register_best(
     ----------
     candidates
         At least one: the hypothesis, then its neighbours. With `enough` inliers no further one is tried.
+    guess
+        As :func:`register_visual` takes it (``RGBD/LoopClosureIdentityGuess``).
+    inversely
+        Whether b's points and a's pixels are used (``RGBD/InvertedReg``); the result is of b in a all the same.
     """
-    best_id, best = candidates[0].id, register_visual(candidates[0], b, camera, T_base_camera, settings, seed=seed)
+
+    def registered(a: Signature) -> Registration:
+        if inversely:
+            back = None if guess is None else se3.inverse(guess)
+            return inverted(register_visual(b, a, camera, T_base_camera, settings, seed=seed, guess=back))
+        return register_visual(a, b, camera, T_base_camera, settings, seed=seed, guess=guess)
+
+    best_id, best = candidates[0].id, registered(candidates[0])
     for a in candidates[1:]:
         if best.T_a_b is not None and best.num_inliers >= enough:
             break
-        found = register_visual(a, b, camera, T_base_camera, settings, seed=seed)
+        found = registered(a)
         if (found.T_a_b is not None, found.num_inliers) > (best.T_a_b is not None, best.num_inliers):
             best_id, best = a.id, found
     return best_id, best

@@ -87,7 +87,8 @@ class RgbdGroup:
     loop_closure_reextract_features: bool = switch(
         "LoopClosureReextractFeatures",
         False,
-        "find key points again in the images of a loop (Vis) instead of taking the words'",
+        "find key points again in the images of a loop (Vis): all are kept here, so that they are the same",
+        effective=False,
     )
     local_bundle_on_loop_closure: bool = switch(
         "LocalBundleOnLoopClosure", False, "adjust a loop with the neighbours of its old node"

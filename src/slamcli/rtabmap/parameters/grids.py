@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from slamcli.errors import ConfigError
 from slamcli.rtabmap.parameters.declaring import choice, count, length, number, region, switch, text
 
 
@@ -99,3 +100,11 @@ class GridGlobalGroup:
         0,
         16,
     )
+
+    def __post_init__(self) -> None:
+        """Refuse limits of the probability that leave nothing in between."""
+        if not self.prob_clamping_min < self.prob_clamping_max:
+            raise ConfigError(
+                f"GridGlobal/ProbClampingMin {self.prob_clamping_min:g} must be below GridGlobal/ProbClampingMax"
+                f" {self.prob_clamping_max:g}"
+            )
