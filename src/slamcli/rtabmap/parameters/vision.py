@@ -21,13 +21,8 @@ class KpGroup:
     """``Kp``: key points that become words."""
 
     nn_strategy: int = choice(
-<<<<<<< HEAD
         "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with those that an index finds",
         {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"}, {4: "brute force on a GPU"},
-=======
-        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with likely ones", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
-        {4: "brute force on a GPU"},
->>>>>>> main
     )  # fmt: skip
     incremental_dictionary: bool = switch(
         "IncrementalDictionary", True, "new words are added; false: the dictionary is fixed"
