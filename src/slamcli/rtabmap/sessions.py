@@ -34,7 +34,7 @@ def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> S
     if setup.database is not None and setup.database.append:
         restore(database, graph, memory)
     closing = Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed)
-    keeping = Keeping(database, bin_data=parameters.mem.bin_data_kept, labels=parameters.mem.map_labels_added)
+    keeping = Keeping(database, parameters)
     detector = LoopDetector(parameters, memory, seed=setup.seed)
     return Session(
         parameters, memory=memory, graph=graph, detector=detector, closing=closing, keeping=keeping, log=setup.log

@@ -80,7 +80,9 @@ class FastGroup:
     threshold: int = count(
         "Threshold", 20, "how much brighter or darker than its centre a corner's circle must be", "grey levels", 1, 254
     )
-    nonmax_suppression: bool = switch("NonmaxSuppression", True, "of neighbouring corners only the best")
+    nonmax_suppression: bool = switch(
+        "NonmaxSuppression", True, "of neighbouring corners only the best (FAST/FREAK, FAST/BRIEF)", effective=False
+    )
     gpu: bool = switch("Gpu", False, "on a GPU; here on the processor", effective=False)
     gpu_keypoints_ratio: float = number("GpuKeypointsRatio", 0.05, "room for corners on a GPU", effective=False)
     min_threshold: int = count(

@@ -37,7 +37,10 @@ class RtabmapGroup:
         "ImageBufferSize", 1, "inputs that wait while one is worked on; here none waits", effective=False
     )
     create_intermediate_nodes: bool = switch(
-        "CreateIntermediateNodes", False, "make a node without images of each input between two detections"
+        "CreateIntermediateNodes",
+        False,
+        "nodes without images between two detections; here every frame has its pose without them",
+        effective=False,
     )
     working_directory: str = text(
         "WorkingDirectory", "", "folder of the database: --output and --database name it", effective=False
@@ -96,7 +99,7 @@ class MemGroup:
     )
     bin_data_kept: bool = switch("BinDataKept", True, "keep images and scans in the database")
     raw_descriptors_kept: bool = switch(
-        "RawDescriptorsKept", True, "keep the descriptors of all key points, not only of words"
+        "RawDescriptorsKept", True, "keep all key points in the database, not only those that are words"
     )
     load_visual_local_features_on_init: bool = switch(
         "LoadVisualLocalFeaturesOnInit",
@@ -106,9 +109,17 @@ class MemGroup:
     )
     map_labels_added: bool = switch("MapLabelsAdded", True, "label the first node of each session map0, map1 ...")
     save_depth_16_format: bool = switch("SaveDepth16Format", False, "store depth in whole millimetres (at most 65.5 m)")
-    not_linked_nodes_kept: bool = switch("NotLinkedNodesKept", True, "keep merged nodes in the database")
+    not_linked_nodes_kept: bool = switch(
+        "NotLinkedNodesKept",
+        True,
+        "keep nodes that were merged away; here those stay in the database, and a standing robot makes none",
+        effective=False,
+    )
     intermediate_node_data_kept: bool = switch(
-        "IntermediateNodeDataKept", False, "keep images and scans of intermediate nodes"
+        "IntermediateNodeDataKept",
+        False,
+        "keep images and scans of intermediate nodes; here there are none",
+        effective=False,
     )
     image_compression_format: str = parameter(
         ".jpg", "how colour images are stored", name="ImageCompressionFormat", choices=(".jpg", ".png")
@@ -156,7 +167,13 @@ class MemGroup:
         "ImagePreDecimation", 1, "images are made smaller by this before key points are found", "", 1, 64
     )
     image_post_decimation: int = count(
-        "ImagePostDecimation", 1, "images are made smaller by this before they are stored", "", 1, 64
+        "ImagePostDecimation",
+        1,
+        "images are made smaller by this before they are stored; here they are stored whole",
+        "",
+        1,
+        64,
+        effective=False,
     )
     compression_parallelized: bool = switch(
         "CompressionParallelized", True, "compress in threads; --jobs says how many", effective=False
@@ -181,7 +198,12 @@ class MemGroup:
         "CovOffDiagIgnored", False, "only the diagonal of odometry's covariance counts (RTAB-Map: true)"
     )
     global_descriptor_strategy: int = choice(
-        "GlobalDescriptorStrategy", 0, "one descriptor of the whole image", {0: "none"}, {1: "PyDescriptor"}
+        "GlobalDescriptorStrategy",
+        0,
+        "one descriptor of the whole image",
+        {0: "none"},
+        {1: "PyDescriptor"},
+        effective=False,
     )
     rotate_images_upside_up: bool = switch(
         "RotateImagesUpsideUp", False, "turn images so that up is up, by the camera's mount"

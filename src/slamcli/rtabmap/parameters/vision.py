@@ -21,8 +21,8 @@ class KpGroup:
     """``Kp``: key points that become words."""
 
     nn_strategy: int = choice(
-        "NNStrategy", 1, "search of the nearest word; exact here whichever is named", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
-        {4: "brute force on a GPU"}, effective=False,
+        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with likely ones", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
+        {4: "brute force on a GPU"},
     )  # fmt: skip
     incremental_dictionary: bool = switch(
         "IncrementalDictionary", True, "new words are added; false: the dictionary is fixed"
@@ -54,7 +54,7 @@ class KpGroup:
         0.8,
         "a descriptor is the nearest word's, if that is nearer than this share of the second's distance",
     )
-    detector_strategy: int = choice("DetectorStrategy", 8, "key points and descriptors of words", FEATURES, NOT_HERE)
+    detector_strategy: int = choice("DetectorStrategy", 10, "key points and descriptors of words", FEATURES, NOT_HERE)
     tf_idf_likelihood_used: bool = switch(
         "TfIdfLikelihoodUsed", True, "weigh words by how rare they are; false: count common ones"
     )
@@ -146,7 +146,7 @@ class VisGroup:
         maximum=1.0,
     )  # fmt: skip
     iterations: int = count("Iterations", 300, "samples of RANSAC at most", "", 1, 1_000_000)
-    feature_type: int = choice("FeatureType", 8, "key points and descriptors that are matched", FEATURES, NOT_HERE)
+    feature_type: int = choice("FeatureType", 10, "key points and descriptors that are matched", FEATURES, NOT_HERE)
     max_features: int = count("MaxFeatures", 1000, "key points per image; 0: all", "points")
     ssc: bool = switch("SSC", False, "spread key points evenly (suppression via square covering)")
     max_depth: float = length("MaxDepth", 0.0, "key points farther away are dropped; 0: none")
