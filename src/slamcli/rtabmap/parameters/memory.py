@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slamcli.parameters import parameter
-from slamcli.rtabmap.parameters.declaring import choice, count, length, number, share, switch, text
+from slamcli.rtabmap.parameters.declaring import absent, choice, count, length, number, share, switch, text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,9 +131,17 @@ class MemGroup:
     stm_size: int = count("STMSize", 10, "nodes in short-term memory: no loops are looked for among them", "nodes", 1)
     incremental_memory: bool = switch("IncrementalMemory", True, "map; false: the map is fixed and only localised in")
     localization_read_only: bool = switch(
-        "LocalizationReadOnly", False, "open the database for reading only when localising"
+        "LocalizationReadOnly",
+        False,
+        "open the database for reading only when localising; here a copy is worked on, so that it always stays as it is",
+        effective=False,
     )
-    localization_data_saved: bool = switch("LocalizationDataSaved", False, "store nodes of a localisation session too")
+    localization_data_saved: bool = switch(
+        "LocalizationDataSaved",
+        False,
+        "store nodes of a localisation too; here they are in the result's own database",
+        effective=False,
+    )
     reduce_graph: bool = switch("ReduceGraph", False, "drop a node that closed a loop: its links go to the other one")
     recent_wm_ratio: float = share(
         "RecentWmRatio", 0.2, "share of working memory after the last loop closure that is not transferred"
@@ -160,8 +168,8 @@ class MemGroup:
     depth_mask_floor_thr: float = length(
         "DepthMaskFloorThr", 0.0, "no key points lower than this above the base frame's floor (Kp); 0: anywhere"
     )
-    stereo_from_motion: bool = switch(
-        "StereoFromMotion", False, "triangulate key points without depth from the odometry's motion"
+    stereo_from_motion: bool = absent(
+        "StereoFromMotion", "triangulate key points without depth from the odometry's motion"
     )
     image_pre_decimation: int = count(
         "ImagePreDecimation", 1, "images are made smaller by this before key points are found", "", 1, 64
@@ -205,6 +213,6 @@ class MemGroup:
         {1: "PyDescriptor"},
         effective=False,
     )
-    rotate_images_upside_up: bool = switch(
-        "RotateImagesUpsideUp", False, "turn images so that up is up, by the camera's mount"
+    rotate_images_upside_up: bool = absent(
+        "RotateImagesUpsideUp", "turn images so that up is up, by the camera's mount"
     )
