@@ -25,7 +25,10 @@ class RtabmapGroup:
         "SaveWMState", False, "store with each node's statistics which nodes were in working memory"
     )
     time_thr: float = number(
-        "TimeThr", 0.0, "longest time that an update may take before nodes go to long-term memory; 0: no bound", "ms"
+        "TimeThr",
+        0.0,
+        "longest time that an update may take, as modelled, before nodes go to long-term memory; 0: no bound",
+        "ms",
     )
     memory_thr: int = count(
         "MemoryThr", 0, "nodes in working memory at most, before some go to long-term memory; 0: no bound", "nodes"

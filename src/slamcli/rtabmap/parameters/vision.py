@@ -23,8 +23,8 @@ class KpGroup:
     """``Kp``: key points that become words."""
 
     nn_strategy: int = choice(
-        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with likely ones", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
-        {4: "brute force on a GPU"},
+        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with those that an index finds",
+        {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"}, {4: "brute force on a GPU"},
     )  # fmt: skip
     incremental_dictionary: bool = switch(
         "IncrementalDictionary", True, "new words are added; false: the dictionary is fixed"
@@ -64,7 +64,7 @@ class KpGroup:
         "Parallelized", True, "dictionary and nodes in threads; --jobs says how many", effective=False
     )
     roi_ratios: str = text("RoiRatios", WHOLE_IMAGE, "shares of the image without key points: left, right, top, bottom")
-    dictionary_path: str = text("DictionaryPath", "", "file of a dictionary to begin with")
+    dictionary_path: str = text("DictionaryPath", "", "file of the fixed dictionary: a .db, or RTAB-Map's text file")
     new_words_compared_together: bool = switch(
         "NewWordsComparedTogether", True, "new words of one image are compared with each other too"
     )
