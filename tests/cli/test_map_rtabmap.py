@@ -32,7 +32,7 @@ def nodes(path: Path) -> int:
 def test_the_folder(desk: Path) -> None:
     document = json.loads((desk / "run.json").read_text())
     assert "rtabmap.db" in document["outputs"]
-    assert document["topics"]["rgb"] == "/camera/color/image_raw"
+    assert document["topics"]["rgb"] == "/camera/color/image_raw/compressed"
     assert nodes(desk / "rtabmap.db") >= 4
     assert len(read_trajectory(desk / "trajectory.tum")) == 31
     assert [path.name for path in desk.parent.iterdir()] == ["desk"]
