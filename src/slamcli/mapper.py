@@ -159,6 +159,8 @@ class InputPlan:
     """Whether the map has three dimensions: then a tilted scanner is no mistake, and odometry is not flattened."""
     keep_scans: bool = False
     """Whether scans stay scans in a map of three dimensions; otherwise they become clouds there."""
+    clouds_as_scans: bool = False
+    """Whether clouds are those of a planar scanner, and come as scans."""
     samples_first: bool = False
     """Whether odometry and IMU samples up to the end of each scan or cloud, and the first one after it, come before it;
     otherwise all come as they were recorded. Where there are images they always do."""

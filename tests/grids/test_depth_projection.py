@@ -98,3 +98,16 @@ def test_a_table_over_a_floor_is_no_floor():
     floor = np.column_stack([rng.uniform(0, 3, (1000, 2)), np.zeros(1000)])
     assert find_floor(np.concatenate([table, floor]), np.array([0, 0, 1.0])).height_m == pytest.approx(0.0, abs=1e-6)
     assert find_floor(rng.normal(size=(500, 3)), np.array([0, 0, 1.0])) is None
+
+
+def test_a_floor_that_is_a_small_part_of_what_is_seen():
+    rng = np.random.default_rng(5)
+    floor = np.column_stack([rng.uniform(0, 1.5, 800), rng.uniform(0, 1.0, 800), rng.normal(0, 0.004, 800)])
+    wall = np.column_stack([rng.uniform(0, 4, 4000), np.full(4000, 1.2), rng.uniform(0.3, 2.5, 4000)])
+    things = rng.uniform([0, 0, 0.6], [4, 1.2, 2.0], (4000, 3))
+    up = np.array([0.3, 0.2, 1.0])
+    for seed in range(4):
+        found = find_floor(np.concatenate([floor, wall, things]), up, seed=seed)
+        assert found.normal[2] > 0.999
+        assert found.height_m == pytest.approx(0.0, abs=0.01)
+        assert found.share == pytest.approx(800 / 8800, rel=0.1)

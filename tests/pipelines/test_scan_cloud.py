@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from slamcli.measurements import LaserScan
 from slamcli.pipelines.scan_cloud import cloud_of, scan_of
@@ -35,4 +36,20 @@ def test_the_nearer_of_two_in_one_direction_and_no_points_at_all() -> None:
     assert found.range_max_m == 4.0
     empty = scan_of(np.zeros((0, 2)), stamp_ns=0, frame_id="l", topic="/s", range_max_m=8.0)
     assert not np.isfinite(empty.ranges_m).any()
-    assert empty.num_beams > 100
+    assert empty.num_beams == 1
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_a_sweep_keeps_its_times(clockwise: bool) -> None:
+    scan = LaserScan(
+        stamp_ns=5, frame_id="l", angle_min_rad=2.0, angle_increment_rad=0.01, range_min_m=0.1, range_max_m=10.0,
+        ranges_m=np.linspace(2.0, 3.0, 201, dtype=np.float32), time_increment_s=-5e-4 if clockwise else 5e-4,
+    )  # fmt: skip
+    cloud = cloud_of(scan)  # across the cut at half a turn
+    back = cloud_of(
+        scan_of(cloud.points_m[:, :2].astype(np.float64), stamp_ns=5, frame_id="l", topic="", offset_ns=cloud.offset_ns)
+    )
+    np.testing.assert_allclose(back.points_m, cloud.points_m, atol=3e-3)
+    assert cloud.offset_ns is not None
+    assert back.offset_ns is not None
+    np.testing.assert_allclose(back.offset_ns, cloud.offset_ns, atol=100_000)

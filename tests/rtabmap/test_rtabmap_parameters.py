@@ -42,7 +42,7 @@ def test_defaults_of_the_pinned_build() -> None:
     p = RtabmapParameters()
     assert (p.optimizer.strategy, p.optimizer.iterations, p.optimizer.gravity_sigma) == (2, 20, 0.3)
     assert (p.icp.strategy, p.icp.max_correspondence_distance, p.icp.point_to_plane) == (1, 0.1, True)
-    assert (p.kp.detector_strategy, p.vis.feature_type, p.odom_f2m.bundle_adjustment) == (8, 8, 1)
+    assert (p.kp.detector_strategy, p.vis.feature_type, p.odom_f2m.bundle_adjustment) == (10, 10, 1)
     assert (p.kp.max_features, p.mem.rehearsal_similarity, p.rtabmap.loop_thr, p.vis.min_inliers) == (
         500,
         0.6,

@@ -13,6 +13,8 @@ from slamcli.grids import _depth_kernels as kernels
 
 _TOLERANCE_M = 0.03
 _PLANES = 400
+_FEW, _NEAR_M, _LEAST_NEAR = 4000, 0.4, 5
+"""Points among which near ones are chosen, how near these are, and how many there must be."""
 _LEAST_SHARE = 0.05
 """Of the points that a floor must hold."""
 _BELOW = 0.02
@@ -53,7 +55,31 @@ def find_floor(
     points = np.ascontiguousarray(points, dtype=np.float64)
     if len(points) < 100:
         return None
-    chosen = points[np.random.default_rng(seed).integers(0, len(points), (_PLANES, 3))]
+    random = np.random.default_rng(seed)
+    found = _best(points, points[random.integers(0, len(points), (_PLANES, 3))], up, tilt_rad)
+    # Three points of the whole cloud rarely lie on a floor that is a small part of it; three that are near each other do.
+    return found or _best(points, _near_triples(points, random), up, tilt_rad)
+
+
+def _near_triples(points: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
+    """Return triples of points (S, 3, 3) that lie near each other."""
+    from scipy.spatial import cKDTree
+
+    few = points[:: max(1, len(points) // _FEW)]
+    firsts = random.integers(0, len(few), _PLANES)
+    around = cKDTree(few).query_ball_point(few[firsts], _NEAR_M, return_sorted=True)
+    triples = [
+        [first, *random.choice(beside, 2, replace=False)]
+        for first, beside in zip(firsts.tolist(), around, strict=True)
+        if len(beside) >= _LEAST_NEAR
+    ]
+    return few[np.array(triples, dtype=np.int64).reshape(-1, 3)]
+
+
+def _best(
+    points: NDArray[np.float64], chosen: NDArray[np.float64], up: NDArray[np.float64], tilt_rad: float
+) -> Floor | None:
+    """Return the best floor of those that three points each lie on, (S, 3, 3)."""
     normals = np.cross(chosen[:, 1] - chosen[:, 0], chosen[:, 2] - chosen[:, 0])
     length = np.linalg.norm(normals, axis=1)
     good = length > 1e-6

@@ -10,6 +10,7 @@ from slamcli.measurements import LaserScan, PointCloud
 
 _FINER = 8
 _LEAST_STEP_RAD, _LONE_STEP_RAD = 1e-3, 0.01
+_MOST_BEAMS = 60_000
 
 
 def cloud_of(scan: LaserScan) -> PointCloud:
@@ -32,24 +33,42 @@ def cloud_of(scan: LaserScan) -> PointCloud:
 
 
 def scan_of(
-    points_m: NDArray[np.float64], *, stamp_ns: int, frame_id: str, topic: str, range_max_m: float
+    points_m: NDArray[np.float64],
+    *,
+    stamp_ns: int,
+    frame_id: str,
+    topic: str,
+    range_max_m: float = 0.0,
+    offset_ns: NDArray[np.int64] | None = None,
 ) -> LaserScan:
-    """Return the points (N, 2) of a planar scanner as a scan of one moment: the way back from `cloud_of`.
+    """Return the points (N, 2) of a planar scanner as a scan: the way back from `cloud_of`.
 
     The beams are `_FINER` times as dense as the points are typically, so that each finds one in its direction (to a
     sixteenth of the points' spacing); where two fall into one the nearer stands. All others have no answer.
+
+    Parameters
+    ----------
+    range_max_m
+        Of the scanner, metres; 0: not known.
+    offset_ns
+        int64 (N,), when each point was measured after the stamp; None: all at once.
     """
     ranges = np.hypot(points_m[:, 0], points_m[:, 1])
     angles = np.arctan2(points_m[:, 1], points_m[:, 0])
-    steps = np.diff(np.sort(angles))
-    steps = steps[steps > _LEAST_STEP_RAD]
-    step = max(float(np.median(steps)) if len(steps) else _LONE_STEP_RAD, _LEAST_STEP_RAD) / _FINER
-    beams = np.full(round(2 * np.pi / step), np.nan, dtype=np.float32)
-    step = 2 * np.pi / len(beams)
-    places = np.clip(np.rint((angles + np.pi) / step).astype(np.int64), 0, len(beams) - 1)
+    order = np.argsort(angles if offset_ns is None else offset_ns, kind="stable")
+    ranges, angles = ranges[order], np.unwrap(angles[order])
+    steps = np.diff(angles)
+    clockwise = bool(len(steps)) and float(np.median(steps)) < 0
+    size = np.abs(steps)[np.abs(steps) > _LEAST_STEP_RAD]
+    step = (float(np.median(size)) if len(size) else _LONE_STEP_RAD) / _FINER
+    first, span = float(angles.min(initial=np.inf)), float(np.ptp(angles)) if len(angles) else 0.0
+    beams = np.full(min(round(span / step), _MOST_BEAMS) + 1, np.nan, dtype=np.float32)
+    places = np.clip(np.rint((angles - first) / step).astype(np.int64), 0, len(beams) - 1)
     for i in np.argsort(-ranges, kind="stable").tolist():
         beams[places[i]] = ranges[i]
+    sweep_s = 0.0 if offset_ns is None or len(beams) < 2 else float(offset_ns.max() - offset_ns.min()) / 1e9
     return LaserScan(
-        stamp_ns=stamp_ns, frame_id=frame_id, angle_min_rad=-np.pi, angle_increment_rad=step, range_min_m=0.0,
+        stamp_ns=stamp_ns, frame_id=frame_id, angle_min_rad=first if len(angles) else 0.0, angle_increment_rad=step, range_min_m=0.0,
         range_max_m=range_max_m if range_max_m > 0 else float(ranges.max(initial=0.0)) + 1.0, ranges_m=beams, topic=topic,
+        time_increment_s=(-sweep_s if clockwise else sweep_s) / max(len(beams) - 1, 1),
     )  # fmt: skip

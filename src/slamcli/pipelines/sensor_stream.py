@@ -5,13 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from slamcli.mapper import InputPlan
 from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud
 from slamcli.pipelines.blind_spells import BlindSpells
 from slamcli.pipelines.fixed_frame import FixedFrame
 from slamcli.pipelines.message_sampling import FixedRatioSampler, sampler_by_topic
 from slamcli.pipelines.odometry_input import moved_to, odometry_from_tf
-from slamcli.pipelines.scan_cloud import cloud_of
+from slamcli.pipelines.scan_cloud import cloud_of, scan_of
 from slamcli.recordings import Recording, Topic
 from slamcli.recordings.laser_mount import LaserMount
 from slamcli.recordings.scan_normalisation import Fan, ScanNormaliser
@@ -86,7 +88,15 @@ class SensorStream:
         else:
             if isinstance(measurement, PointCloud):
                 self._blind.see(measurement)
-            yield measurement
+            yield self._flat(measurement) if isinstance(measurement, PointCloud) else measurement
+
+    def _flat(self, cloud: PointCloud) -> PointCloud | LaserScan:
+        if not self._plan.clouds_as_scans:
+            return cloud
+        return scan_of(
+            cloud.points_m[:, :2].astype(np.float64), stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id, topic=cloud.topic,
+            offset_ns=cloud.offset_ns,
+        )  # fmt: skip
 
     def tell(self) -> None:
         """Say what was noticed, once everything was read."""

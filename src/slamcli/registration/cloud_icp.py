@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import EstimationError
-from slamcli.geometry import se3
+from slamcli.geometry import quaternion, se3
 
 Floats = NDArray[np.float64]
 Method = Literal["point", "plane", "gicp"]
 
 _NAMES: dict[Method, str] = {"point": "ICP", "plane": "PLANE_ICP", "gicp": "GICP"}
 _FEWEST = 10
-_ROUNDS = 4
+_ROUNDS = 3
 """How often an alignment begins again with what was left of the source (trimmed) or of the motion (level)."""
 _UNSURE = 1e-6
 """Relative eigenvalue under which a normal matrix tells nothing."""
@@ -45,6 +45,8 @@ class CloudIcpSettings:
     """Which clouds are thinned: 1 the target, 2 the source, 3 both, 0 none."""
     max_distance_m: float = 0.1
     """Points up to this far apart are matched."""
+    inlier_m: float = 0.0
+    """In the end those up to this far apart count as inliers; 0: all that are matched."""
     iterations: int = 30
     epsilon: float = 0.0
     """Metres and radians; 0: 1e-4."""
@@ -74,10 +76,11 @@ class PreparedCloud:
     """float64 (N, 3), metres."""
     cloud: Any
     tree: Any
+    has_normals: bool
     axes: Floats
     """float64 (3, 3), columns: directions in which normals point most, then less."""
     shares: Floats
-    """float64 (3,), decreasing, how much they point there: 1 in all."""
+    """float64 (3,), decreasing, how much they point there: 1 in all; zeros without normals."""
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -135,10 +138,23 @@ def prepare_cloud(points: NDArray[np.floating], settings: CloudIcpSettings, *, s
         raise EstimationError(f"a cloud of {len(kept)} points cannot be aligned: at least {_FEWEST} are needed")
     cloud = small_gicp.PointCloud(np.ascontiguousarray(kept))
     tree = small_gicp.KdTree(cloud, num_threads=1)
-    small_gicp.estimate_normals_covariances(cloud, tree, num_neighbors=_neighbours(kept, tree, s), num_threads=1)
+    bare = PreparedCloud(kept, cloud, tree, False, np.eye(3), np.zeros(3))
+    return with_normals(bare, s) if side & 1 or s.method == "gicp" else bare
+
+
+def with_normals(prepared: PreparedCloud, settings: CloudIcpSettings) -> PreparedCloud:
+    """Return a cloud with normals and covariances of its points, and where they point."""
+    import small_gicp
+
+    if prepared.has_normals:
+        return prepared
+    points, cloud, tree = prepared.points, prepared.cloud, prepared.tree
+    small_gicp.estimate_normals_covariances(
+        cloud, tree, num_neighbors=_neighbours(points, tree, settings), num_threads=1
+    )
     normals = np.asarray(cloud.normals())[:, :3]
     values, axes = np.linalg.eigh(normals.T @ normals / len(normals))
-    return PreparedCloud(kept, cloud, tree, axes[:, ::-1], values[::-1] / max(float(values.sum()), 1e-12))
+    return PreparedCloud(points, cloud, tree, True, axes[:, ::-1], values[::-1] / max(float(values.sum()), 1e-12))
 
 
 def align_clouds(
@@ -165,17 +181,17 @@ def align_prepared(
     `num_inliers` and `converged`.
     """
     s = settings
-    T = T_target_source_guess.astype(np.float64)
+    T = _rigid(T_target_source_guess.astype(np.float64))
     kept, rounds = source, _ROUNDS if s.trimmed < 1.0 or s.level or s.planar else 1
     result: Any = None
     for turn in range(rounds):
         result = _align(target, kept, T, s)
-        T = _constrained(np.asarray(result.T_target_source), T_target_source_guess, s)
+        T = _constrained(_rigid(np.asarray(result.T_target_source)), T_target_source_guess, s)
         if s.trimmed < 1.0 and turn + 1 < rounds:
             kept = _nearest(target, source, T, s)
     if s.sure_axes_only and target.complexity < s.min_complexity:
         T = _on_sure_axes(T, T_target_source_guess, target, s.min_complexity)
-    matched, squared = _matches(target, source, T, s)
+    matched, squared = _matches(target, source, T, s, s.inlier_m or s.max_distance_m)
     return CloudAlignment(
         T_target_source=T, num_points=len(source), num_inliers=int(matched.sum()),
         rmse_m=float(np.sqrt(squared[matched].mean())) if matched.any() else 0.0,
@@ -204,12 +220,12 @@ def _neighbours(points: Floats, tree: Any, s: CloudIcpSettings) -> int:
 
 
 def _matches(
-    target: PreparedCloud, source: PreparedCloud, T: Floats, s: CloudIcpSettings
+    target: PreparedCloud, source: PreparedCloud, T: Floats, s: CloudIcpSettings, reach_m: float
 ) -> tuple[NDArray[np.bool_], Floats]:
     """Return which points of the source are matched, and their squared distances from the nearest point of the target."""
     moved = source.points @ T[:3, :3].T + T[:3, 3]
     indices, squared = (np.asarray(a) for a in target.tree.batch_nearest_neighbor_search(moved, num_threads=1))
-    matched = squared <= s.max_distance_m**2
+    matched = squared <= reach_m**2
     if s.reciprocal and matched.any():
         seen = (target.points[indices[matched].astype(np.int64)] - T[:3, 3]) @ T[:3, :3]
         back = np.asarray(source.tree.batch_nearest_neighbor_search(seen, num_threads=1)[1])
@@ -222,7 +238,7 @@ def _nearest(target: PreparedCloud, source: PreparedCloud, T: Floats, s: CloudIc
     """Return the source without those of its matched points that lie farthest from their matches."""
     import small_gicp
 
-    matched, squared = _matches(target, source, T, s)
+    matched, squared = _matches(target, source, T, s, s.max_distance_m)
     if matched.sum() < 2 * _FEWEST:
         return source
     bound = float(np.quantile(squared[matched], s.trimmed))
@@ -233,7 +249,13 @@ def _nearest(target: PreparedCloud, source: PreparedCloud, T: Floats, s: CloudIc
     if s.method == "gicp":
         tree = small_gicp.KdTree(cloud, num_threads=1)
         small_gicp.estimate_covariances(cloud, tree, num_neighbors=max(5, s.neighbours), num_threads=1)
-    return PreparedCloud(points, cloud, source.tree, source.axes, source.shares)
+    return PreparedCloud(points, cloud, source.tree, s.method == "gicp", source.axes, source.shares)
+
+
+def _rigid(T: Floats) -> Floats:
+    """Return a transform whose rotation is one to the last digit: rounding would grow from one alignment to the next."""
+    position, quat_xyzw = se3.to_position_quaternion(T)
+    return se3.from_position_quaternion(position, quaternion.normalise(quat_xyzw))
 
 
 def _constrained(T: Floats, guess: Floats, s: CloudIcpSettings) -> Floats:

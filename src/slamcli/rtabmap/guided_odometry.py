@@ -46,6 +46,7 @@ class GuidedOdometry:
         if found.began_anew and motion is not None and self._last is not None:
             self._T_odom_visual = self._last[1] @ motion @ se3.inverse(seen)
             found = replace(found, covariance=motion_covariance(motion), began_anew=False)
+        found = replace(found, adds_up=found.keyframe)
         pose = self._T_odom_visual @ seen
         self._frames_of[stamp_ns] = self._T_odom_visual
         self._last = (stamp_ns, pose)
@@ -77,4 +78,5 @@ class GuidedOdometry:
             return lost
         self.num_carried += 1
         self._carried[lost.stamp_ns] = (self._last[0], motion)
-        return replace(lost, T_odom_base=self._last[1] @ motion, covariance=motion_covariance(motion))
+        pose = self._last[1] @ motion
+        return replace(lost, T_odom_base=pose, covariance=motion_covariance(motion), adds_up=False)

@@ -67,6 +67,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         num_point_clouds=taken.num_clouds,
         spatial=not settled.reg.force_3dof,
         keep_scans=True,
+        clouds_as_scans=taken.flat and taken.num_clouds > 0,
         samples_first=True,
         odometry=taken.odometry,
         imu=taken.imu,

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from slamcli.grids import OccupancyGrid
 from slamcli.parameters import as_dict
 from slamcli.rtabmap.database import Database
+from slamcli.rtabmap.feature_selection import rows_of
 from slamcli.rtabmap.links import Link
 from slamcli.rtabmap.local_grid import LocalGrid
 from slamcli.rtabmap.map_graph import MapGraph
@@ -23,16 +25,17 @@ from slamcli.rtabmap.update_record import UpdateRecord
 class Keeping:
     """Writes nodes, links, words and statistics; one transaction a node."""
 
-    def __init__(self, database: Database, *, bin_data: bool, labels: bool = True) -> None:
+    def __init__(self, database: Database, parameters: RtabmapParameters) -> None:
         self.database = database
-        self._bin_data, self._labels = bin_data, labels
+        self._mem, self._working_state = parameters.mem, parameters.rtabmap.save_wm_state
         self.fixed = database.mode == "read"
         """Whether nothing is written."""
 
     def add(self, signature: Signature, node: NodeInput) -> None:
         """Write a node."""
-        label = f"map{signature.map_id}" if node.began_anew and self._labels else None
-        self.database.add_node(signature, weight=0, label=label, images=node.images if self._bin_data else None)
+        label = f"map{signature.map_id}" if node.began_anew and self._mem.map_labels_added else None
+        kept = signature if self._mem.raw_descriptors_kept else _words_alone(signature)
+        self.database.add_node(kept, weight=0, label=label, images=node.images if self._mem.bin_data_kept else None)
 
     def link(self, links: Sequence[Link]) -> None:
         """Write links."""
@@ -49,7 +52,8 @@ class Keeping:
             self.database.add_words(words, descriptors)
         for node_id, weight in memory.take_changed_weights():
             self.database.set_weight(node_id, weight)
-        self.database.add_statistics(record.node, record.stamp_ns, _statistics(record))
+        working = sorted([*memory.working, *memory.short_term]) if self._working_state else None
+        self.database.add_statistics(record.node, record.stamp_ns, _statistics(record), working)
         self.database.commit()
 
     def keep_grid(self, node_id: int, grid: LocalGrid) -> None:
@@ -76,6 +80,15 @@ class Keeping:
             num_words=sizes.words, working_ids=[*memory.working, *memory.short_term],
         )  # fmt: skip
         self.database.close()
+
+
+def _words_alone(signature: Signature) -> Signature:
+    """Return a node without the key points that are no words."""
+    rows = np.flatnonzero(signature.word_ids > 0)
+    return replace(
+        signature, features=rows_of(signature.features, rows), points=signature.points[rows],
+        word_ids=signature.word_ids[rows],
+    )  # fmt: skip
 
 
 def parameters_text(parameters: RtabmapParameters) -> str:

@@ -82,12 +82,13 @@ class RtabmapMapper:
         if step.T_odom_base is None:
             return
         self._begins = False
-        self._covariance = np.zeros((6, 6)) if begins else self._covariance + step.covariance
+        self._covariance = np.zeros((6, 6)) if begins else self._covariance + step.covariance * step.adds_up
         if not (self._rate.due(step.stamp_ns) or begins) or self._limits.too_fast:
             return
         features = self._front.node_features(moment)
+        covariance = self._covariance if step.adds_up else self._covariance + step.covariance
         node = NodeInput(
-            stamp_ns=step.stamp_ns, T_odom_base=step.T_odom_base, covariance=self._covariance, began_anew=begins,
+            stamp_ns=step.stamp_ns, T_odom_base=step.T_odom_base, covariance=covariance, began_anew=begins,
             features=features, points=self._front.points(features), images=None if moment.prepared is None else self._front.images(moment.prepared),
             scan=None if moment.scan is None else kept_scan(moment.scan, self._parameters.mem),
             R_level_base=None if self._gravity is None else self._gravity.at(step.stamp_ns, step.T_odom_base),

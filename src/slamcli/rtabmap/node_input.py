@@ -21,6 +21,9 @@ class OdometryStep:
     """float64 (4, 4), pose in the odometry's frame; None: lost."""
     covariance: NDArray[np.float64]
     """float64 (6, 6), of the motion since the previous step (m^2, rad^2; translation before rotation vector); zeros for the first."""
+    adds_up: bool = True
+    """Whether `covariance` adds to those of the steps before; if not, the pose was measured in a map that those steps left as it
+    was, and it is all that is unknown since the last step that did add up."""
     began_anew: bool = False
     """Whether the odometry began anew here: the pose says nothing about where the robot is beside earlier ones."""
     num_features: int = 0

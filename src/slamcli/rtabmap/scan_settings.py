@@ -43,8 +43,8 @@ class ScanSettings:
         p, reg = parameters.icp, parameters.reg
         return cls(
             icp=CloudIcpSettings(
-                method="gicp" if p.point_to_plane else "point", voxel_m=p.voxel_size, step=p.downsampling_step, filters=p.filters_enabled,
-                max_distance_m=p.max_correspondence_distance, iterations=p.iterations, epsilon=p.epsilon,
+                method="plane" if p.point_to_plane else "point", voxel_m=p.voxel_size, step=p.downsampling_step, filters=p.filters_enabled,
+                max_distance_m=p.max_correspondence_distance, inlier_m=min(p.max_correspondence_distance, max(2.0 * p.voxel_size, _USUAL_CELL_M)), iterations=p.iterations, epsilon=p.epsilon,
                 neighbours=p.point_to_plane_k, radius_m=p.point_to_plane_radius, trimmed=p.outlier_ratio if p.strategy == 1 else 1.0,
                 reciprocal=p.reciprocal_correspondences and p.strategy == 0, level=p.force_4dof, planar=reg.force_3dof,
                 min_complexity=p.point_to_plane_min_complexity,

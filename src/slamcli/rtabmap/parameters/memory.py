@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slamcli.parameters import parameter
-from slamcli.rtabmap.parameters.declaring import choice, count, length, number, share, switch, text
+from slamcli.rtabmap.parameters.declaring import absent, choice, count, length, number, share, switch, text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,10 @@ class RtabmapGroup:
         "SaveWMState", False, "store with each node's statistics which nodes were in working memory"
     )
     time_thr: float = number(
-        "TimeThr", 0.0, "longest time that an update may take before nodes go to long-term memory; 0: no bound", "ms"
+        "TimeThr",
+        0.0,
+        "longest time that an update may take, as modelled, before nodes go to long-term memory; 0: no bound",
+        "ms",
     )
     memory_thr: int = count(
         "MemoryThr", 0, "nodes in working memory at most, before some go to long-term memory; 0: no bound", "nodes"
@@ -37,7 +40,10 @@ class RtabmapGroup:
         "ImageBufferSize", 1, "inputs that wait while one is worked on; here none waits", effective=False
     )
     create_intermediate_nodes: bool = switch(
-        "CreateIntermediateNodes", False, "make a node without images of each input between two detections"
+        "CreateIntermediateNodes",
+        False,
+        "nodes without images between two detections; here every frame has its pose without them",
+        effective=False,
     )
     working_directory: str = text(
         "WorkingDirectory", "", "folder of the database: --output and --database name it", effective=False
@@ -96,7 +102,7 @@ class MemGroup:
     )
     bin_data_kept: bool = switch("BinDataKept", True, "keep images and scans in the database")
     raw_descriptors_kept: bool = switch(
-        "RawDescriptorsKept", True, "keep the descriptors of all key points, not only of words"
+        "RawDescriptorsKept", True, "keep all key points in the database, not only those that are words"
     )
     load_visual_local_features_on_init: bool = switch(
         "LoadVisualLocalFeaturesOnInit",
@@ -106,9 +112,17 @@ class MemGroup:
     )
     map_labels_added: bool = switch("MapLabelsAdded", True, "label the first node of each session map0, map1 ...")
     save_depth_16_format: bool = switch("SaveDepth16Format", False, "store depth in whole millimetres (at most 65.5 m)")
-    not_linked_nodes_kept: bool = switch("NotLinkedNodesKept", True, "keep merged nodes in the database")
+    not_linked_nodes_kept: bool = switch(
+        "NotLinkedNodesKept",
+        True,
+        "keep nodes that were merged away; here those stay in the database, and a standing robot makes none",
+        effective=False,
+    )
     intermediate_node_data_kept: bool = switch(
-        "IntermediateNodeDataKept", False, "keep images and scans of intermediate nodes"
+        "IntermediateNodeDataKept",
+        False,
+        "keep images and scans of intermediate nodes; here there are none",
+        effective=False,
     )
     image_compression_format: str = parameter(
         ".jpg", "how colour images are stored", name="ImageCompressionFormat", choices=(".jpg", ".png")
@@ -120,9 +134,17 @@ class MemGroup:
     stm_size: int = count("STMSize", 10, "nodes in short-term memory: no loops are looked for among them", "nodes", 1)
     incremental_memory: bool = switch("IncrementalMemory", True, "map; false: the map is fixed and only localised in")
     localization_read_only: bool = switch(
-        "LocalizationReadOnly", False, "open the database for reading only when localising"
+        "LocalizationReadOnly",
+        False,
+        "open the database for reading only when localising; here a copy is worked on, so that it always stays as it is",
+        effective=False,
     )
-    localization_data_saved: bool = switch("LocalizationDataSaved", False, "store nodes of a localisation session too")
+    localization_data_saved: bool = switch(
+        "LocalizationDataSaved",
+        False,
+        "store nodes of a localisation too; here they are in the result's own database",
+        effective=False,
+    )
     reduce_graph: bool = switch("ReduceGraph", False, "drop a node that closed a loop: its links go to the other one")
     recent_wm_ratio: float = share(
         "RecentWmRatio", 0.2, "share of working memory after the last loop closure that is not transferred"
@@ -149,14 +171,20 @@ class MemGroup:
     depth_mask_floor_thr: float = length(
         "DepthMaskFloorThr", 0.0, "no key points lower than this above the base frame's floor (Kp); 0: anywhere"
     )
-    stereo_from_motion: bool = switch(
-        "StereoFromMotion", False, "triangulate key points without depth from the odometry's motion"
+    stereo_from_motion: bool = absent(
+        "StereoFromMotion", "triangulate key points without depth from the odometry's motion"
     )
     image_pre_decimation: int = count(
         "ImagePreDecimation", 1, "images are made smaller by this before key points are found", "", 1, 64
     )
     image_post_decimation: int = count(
-        "ImagePostDecimation", 1, "images are made smaller by this before they are stored", "", 1, 64
+        "ImagePostDecimation",
+        1,
+        "images are made smaller by this before they are stored; here they are stored whole",
+        "",
+        1,
+        64,
+        effective=False,
     )
     compression_parallelized: bool = switch(
         "CompressionParallelized", True, "compress in threads; --jobs says how many", effective=False
@@ -181,8 +209,13 @@ class MemGroup:
         "CovOffDiagIgnored", False, "only the diagonal of odometry's covariance counts (RTAB-Map: true)"
     )
     global_descriptor_strategy: int = choice(
-        "GlobalDescriptorStrategy", 0, "one descriptor of the whole image", {0: "none"}, {1: "PyDescriptor"}
+        "GlobalDescriptorStrategy",
+        0,
+        "one descriptor of the whole image",
+        {0: "none"},
+        {1: "PyDescriptor"},
+        effective=False,
     )
-    rotate_images_upside_up: bool = switch(
-        "RotateImagesUpsideUp", False, "turn images so that up is up, by the camera's mount"
+    rotate_images_upside_up: bool = absent(
+        "RotateImagesUpsideUp", "turn images so that up is up, by the camera's mount"
     )

@@ -59,7 +59,12 @@ class OdomGroup:
         "ScanKeyFrameThr", 0.9, "a scan whose matched points fall below this share of them becomes a keyframe"
     )
     image_decimation: int = count("ImageDecimation", 1, "images are made smaller by this for odometry", "", 1, 64)
-    align_with_ground: bool = switch("AlignWithGround", False, "the first pose is turned so that the ground is level")
+    align_with_ground: bool = switch(
+        "AlignWithGround",
+        False,
+        "level the first pose by the ground; here an IMU or, of cameras held anyhow, the finished map tells what is level",
+        effective=False,
+    )
     deskewing: bool = switch("Deskewing", True, "points of a sweep are moved to where they were at its stamp")
 
 

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+from slamcli.parameters import parameter
 from slamcli.rtabmap.parameters.declaring import choice, count, length, number, region, share, switch, text
 
 FEATURES = {8: "GFTT/ORB", 10: "ORB-OCTREE", 2: "ORB", 6: "GFTT/BRIEF (ORB's pairs, not turned)"}
@@ -21,8 +23,8 @@ class KpGroup:
     """``Kp``: key points that become words."""
 
     nn_strategy: int = choice(
-        "NNStrategy", 1, "search of the nearest word; exact here whichever is named", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
-        {4: "brute force on a GPU"}, effective=False,
+        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with those that an index finds",
+        {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"}, {4: "brute force on a GPU"},
     )  # fmt: skip
     incremental_dictionary: bool = switch(
         "IncrementalDictionary", True, "new words are added; false: the dictionary is fixed"
@@ -54,7 +56,7 @@ class KpGroup:
         0.8,
         "a descriptor is the nearest word's, if that is nearer than this share of the second's distance",
     )
-    detector_strategy: int = choice("DetectorStrategy", 8, "key points and descriptors of words", FEATURES, NOT_HERE)
+    detector_strategy: int = choice("DetectorStrategy", 10, "key points and descriptors of words", FEATURES, NOT_HERE)
     tf_idf_likelihood_used: bool = switch(
         "TfIdfLikelihoodUsed", True, "weigh words by how rare they are; false: count common ones"
     )
@@ -62,7 +64,7 @@ class KpGroup:
         "Parallelized", True, "dictionary and nodes in threads; --jobs says how many", effective=False
     )
     roi_ratios: str = text("RoiRatios", WHOLE_IMAGE, "shares of the image without key points: left, right, top, bottom")
-    dictionary_path: str = text("DictionaryPath", "", "file of a dictionary to begin with")
+    dictionary_path: str = text("DictionaryPath", "", "file of the fixed dictionary: a .db, or RTAB-Map's text file")
     new_words_compared_together: bool = switch(
         "NewWordsComparedTogether", True, "new words of one image are compared with each other too"
     )
@@ -88,6 +90,12 @@ class KpGroup:
         return region("Kp/RoiRatios", self.roi_ratios)
 
 
+def _of_flow(name: str, default: Any) -> Any:
+    return parameter(
+        default, "of matches by optical flow (Vis/CorType 1), which are not available here", name=name, effective=False
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VisGroup:
     """``Vis``: key points that are matched for a transform."""
@@ -111,7 +119,13 @@ class VisGroup:
         effective=False,
     )
     pnp_refine_iterations: int = count(
-        "PnPRefineIterations", 0, "refinements of the pose with its inliers", "", 0, 1000
+        "PnPRefineIterations",
+        0,
+        "refinements of the pose with its inliers; here it is refined until it stays",
+        "",
+        0,
+        1000,
+        effective=False,
     )
     pnp_variance_median_ratio: int = count(
         "PnPVarianceMedianRatio",
@@ -132,7 +146,10 @@ class VisGroup:
         effective=False,
     )
     pnp_split_linear_cov_components: bool = switch(
-        "PnPSplitLinearCovComponents", False, "variance of x, y and z each; false: one for all"
+        "PnPSplitLinearCovComponents",
+        False,
+        "variance of x, y and z each, or one for all; here covariances are whole",
+        effective=False,
     )
     epipolar_geometry_var: float = number(
         "EpipolarGeometryVar", 0.1, "largest variance of a transform (2D to 2D)", "m^2"
@@ -146,7 +163,7 @@ class VisGroup:
         maximum=1.0,
     )  # fmt: skip
     iterations: int = count("Iterations", 300, "samples of RANSAC at most", "", 1, 1_000_000)
-    feature_type: int = choice("FeatureType", 8, "key points and descriptors that are matched", FEATURES, NOT_HERE)
+    feature_type: int = choice("FeatureType", 10, "key points and descriptors that are matched", FEATURES, NOT_HERE)
     max_features: int = count("MaxFeatures", 1000, "key points per image; 0: all", "points")
     ssc: bool = switch("SSC", False, "spread key points evenly (suppression via square covering)")
     max_depth: float = length("MaxDepth", 0.0, "key points farther away are dropped; 0: none")
@@ -161,7 +178,9 @@ class VisGroup:
     sub_pix_eps: float = number("SubPixEps", 0.02, "steps of refining corners end when one is shorter", "px", 0.0, 1.0)
     grid_rows: int = count("GridRows", 1, "rows of cells that get equally many key points", "", 1, 1000)
     grid_cols: int = count("GridCols", 1, "columns of cells that get equally many key points", "", 1, 1000)
-    cor_type: int = choice("CorType", 0, "matches of two images from", {0: "descriptors", 1: "optical flow"})
+    cor_type: int = choice(
+        "CorType", 0, "matches of two images from", {0: "descriptors"}, {1: "optical flow"}, effective=False
+    )
     cor_nn_type: int = choice(
         "CorNNType", 1, "search of matches; all but 5 are exact with the ratio test",
         {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force", 5: "mutual nearest"},
@@ -179,22 +198,14 @@ class VisGroup:
     cor_guess_match_to_projection: bool = switch(
         "CorGuessMatchToProjection", False, "each key point looks for projected points; false: the other way round"
     )
-    cor_flow_win_size: int = count("CorFlowWinSize", 16, "window of optical flow", "px", 3, 1000)
-    cor_flow_iterations: int = count("CorFlowIterations", 30, "steps of optical flow at most", "", 1, 1000)
-    cor_flow_eps: float = number("CorFlowEps", 0.01, "steps of optical flow end when one is shorter", "px", 0.0, 1.0)
-    cor_flow_max_level: int = count("CorFlowMaxLevel", 3, "levels of the pyramid of optical flow", "levels", 0, 16)
-    cor_flow_use_min_eigen_vals: bool = switch(
-        "CorFlowUseMinEigenVals",
-        True,
-        "judge optical flow by the least eigenvalue of its window; false: by its difference",
-    )
-    cor_flow_min_eig_threshold: float = number(
-        "CorFlowMinEigThreshold", 1e-4, "points with a smaller eigenvalue are dropped", maximum=1e6
-    )
-    cor_flow_error_threshold: float = number(
-        "CorFlowErrorThreshold", 20.0, "points with a larger difference are dropped", "grey levels"
-    )
-    cor_flow_gpu: bool = switch("CorFlowGpu", False, "optical flow on a GPU; here on the processor", effective=False)
+    cor_flow_win_size: int = _of_flow("CorFlowWinSize", 16)
+    cor_flow_iterations: int = _of_flow("CorFlowIterations", 30)
+    cor_flow_eps: float = _of_flow("CorFlowEps", 0.01)
+    cor_flow_max_level: int = _of_flow("CorFlowMaxLevel", 3)
+    cor_flow_use_min_eigen_vals: bool = _of_flow("CorFlowUseMinEigenVals", True)
+    cor_flow_min_eig_threshold: float = _of_flow("CorFlowMinEigThreshold", 1e-4)
+    cor_flow_error_threshold: float = _of_flow("CorFlowErrorThreshold", 20.0)
+    cor_flow_gpu: bool = _of_flow("CorFlowGpu", False)
     bundle_adjustment: int = choice(
         "BundleAdjustment",
         1,
