@@ -9,8 +9,9 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import closing
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import database_worlds as worlds
@@ -145,20 +146,38 @@ def test_what_fails_on_the_thread_is_raised_by_the_next_call(tmp_path: Path) -> 
         assert len(database.nodes()) == 4
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is read-only for root")
-def test_a_read_only_file_is_read_but_not_continued(tmp_path: Path) -> None:
-    path = worlds.written(tmp_path / "a.db")
-    path.chmod(0o400)
-    tmp_path.chmod(0o500)
+@contextmanager
+def nobody() -> Iterator[None]:
+    """Give up root's rights for a while, to whom nothing is read-only."""
+    root = os.geteuid() == 0
+    if root:
+        os.seteuid(65534)
     try:
-        with Database.read(path) as database:
-            assert len(database.nodes()) == 4
-        with pytest.raises(FormatError, match="read-only"):
-            Database.append(path)
-        with pytest.raises(FormatError, match="cannot be opened here"):
-            Database.create(tmp_path / "b.db", "")
+        yield
     finally:
-        tmp_path.chmod(0o700)
+        if root:
+            os.seteuid(0)
+
+
+def test_a_read_only_file_is_read_but_not_continued() -> None:
+    with tempfile.TemporaryDirectory() as name:  # pytest's folders are closed to others
+        folder = Path(name)
+        path = worlds.written(folder / "a.db")
+        path.chmod(0o444)
+        folder.chmod(0o555)
+        with nobody():
+            with Database.read(path) as database:
+                assert len(database.nodes()) == 4
+            with pytest.raises(FormatError, match=r"a\.db: the file or its folder is read-only"):
+                Database.append(path)
+            with pytest.raises(FormatError, match=r"b\.db: the file cannot be opened here"):
+                Database.create(folder / "b.db", "")
+            with pytest.raises(FormatError, match=r"a\.db: cannot be replaced"):
+                Database.create(path, "", overwrite=True)
+        path.chmod(0o000)
+        with nobody(), pytest.raises(FormatError, match=r"a\.db: cannot be read"):
+            Database.read(path)
+        folder.chmod(0o755)
 
 
 @pytest.mark.parametrize(

@@ -127,6 +127,8 @@ def _offer(first: StoredSession, sessions: Sequence[StoredSession], asked: Senso
         num_laser_scans=int(ranges and scan is not None and scan.planar),
         num_point_clouds=int(ranges and scan is not None and not scan.planar),
         odometry=asked.names.odometry != NONE and first.has_odometry,
+        imu=asked.names.imu != NONE and any(session.gravity for session in sessions),
+        imu_placed=True,
         landmarks=asked.names.landmarks != NONE and any(session.landmarks for session in sessions),
         mode=asked.mode,
         cameras=frozenset(modes),
@@ -151,7 +153,8 @@ def _with_stored(config: NativeConfig, database: Database, log: RunLog, *, own_o
         except ConfigError:
             unfit.append(f"{name} {text}")
     values = as_dict(config.parameters)
-    changed = [f"{name} {stored[name]}" for name in stored if stored[name] != values[name]]
+    texts = database.parameters()
+    changed = [f"{name} {texts[name]}" for name in stored if stored[name] != values[name]]
     told = f", of which {len(changed)} differ from the defaults: {', '.join(changed[:8])}{' …' if len(changed) > 8 else ''}"
     if stored:
         log.note(

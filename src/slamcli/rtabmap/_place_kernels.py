@@ -126,33 +126,40 @@ def predict(posterior, nodes, states, starts, others, steps, prediction, virtual
     else:
         prior[0] = posterior[0] / (count + 1)
         everywhere = prior[0]
+    done = np.zeros(count + 1, np.bool_)
     for s in range(1, count + 1):
-        if posterior[s] == 0.0:
+        if done[s]:
             continue
-        prior[0] += prediction[0] * posterior[s]
         reached = levels(nodes[s - 1], starts, others, steps, len(prediction) - 2, level, queue)
-        added, filled = 0.0, 0
+        # Places that closures tie are level 0 to each other: the ways from one are those from all.
+        mass, added, filled = 0.0, 0.0, 0
         for i in range(reached):
-            if states[queue[i]] > 0:
-                added += prediction[level[queue[i]] + 1]
-                filled += 1 if prediction[level[queue[i]] + 1] > 0.0 else 0
+            state, depth = states[queue[i]], level[queue[i]]
+            if state > 0:
+                added += prediction[depth + 1]
+                filled += 1 if prediction[depth + 1] > 0.0 else 0
+                if depth == 0:
+                    mass += posterior[state]
+                    done[state] = True
         own = max(0.0, total - prediction[0] - added)  # what neighbours that are not there would have had
         filled += 1 if prediction[1] == 0.0 and own > 0.0 else 0
         added += own + rest * (count - filled)
         scale = limit / added if added > 0.0 and abs(added - limit) > 1e-4 else 1.0
-        else_ = rest * scale if rest * scale >= least or scale == 1.0 else 0.0
-        everywhere += else_ * posterior[s]
+        smallest = least if scale != 1.0 else 0.0
+        other = rest * scale if rest * scale >= smallest else 0.0
+        prior[0] += prediction[0] * mass
+        everywhere += other * mass
         for i in range(reached):
-            state = states[queue[i]]
-            if state > 0:
-                value = prediction[level[queue[i]] + 1] + (own if state == s else 0.0)
-                if value == 0.0:
-                    continue
-                value *= scale
-                if scale != 1.0 and value < least:
-                    value = 0.0
-                prior[state] += (value - else_) * posterior[s]
-        for i in range(reached):
+            state, depth = states[queue[i]], level[queue[i]]
             level[queue[i]] = -1
+            if state > 0:
+                value = prediction[depth + 1] * scale
+                value = value if value >= smallest else 0.0
+                if prediction[depth + 1] == 0.0:
+                    value = other
+                prior[state] += (value - other) * mass
+                if depth == 0 and own > 0.0:
+                    stays = (prediction[1] + own) * scale
+                    prior[state] += ((stays if stays >= smallest else 0.0) - value) * posterior[state]
     for s in range(1, count + 1):
         prior[s] += everywhere

@@ -24,11 +24,10 @@ from slamcli.registration.cloud_icp import (
 )
 from slamcli.rtabmap.node_input import OdometryStep
 from slamcli.rtabmap.node_rate import motion_size
-from slamcli.rtabmap.node_scans import node_scan
+from slamcli.rtabmap.node_scans import node_scan, sweep_ns
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.scan_settings import ScanSettings
 from slamcli.rtabmap.signature import NodeScan
-from slamcli.rtabmap.sweep_deskewing import deskewed
 
 Floats = NDArray[np.float64]
 
@@ -112,10 +111,11 @@ class CloudOdometry:
         s = self._settings
         seconds = 0.0 if self._last_ns is None else (cloud.stamp_ns - self._last_ns) / 1e9
         motion = self._predicted(guess, seconds)
-        seen = node_scan(
-            cloud, T_base_sensor, no_return, range_min_m=s.scans.range_min_m, range_max_m=s.scans.range_max_m
-        )
-        scan = self._still(cloud, seen, motion, seconds)
+        moved = self._during_sweep(cloud, motion, seconds)
+        scan = node_scan(
+            cloud, T_base_sensor, no_return, T_begin_end=moved, range_min_m=s.scans.range_min_m,
+            range_max_m=s.scans.range_max_m,
+        )  # fmt: skip
         predicted = self._pose @ motion
         step = self._placed(cloud.stamp_ns, scan, predicted)
         if step.T_odom_base is not None and not step.began_anew and seconds > 0.0 and self._last_ns is not None:
@@ -132,14 +132,11 @@ class CloudOdometry:
         motion, took = self._motion
         return part_of(motion, seconds / took)
 
-    def _still(self, cloud: PointCloud, seen: NodeScan, motion: Floats, seconds: float) -> NodeScan:
-        """Return the cloud as if it had been measured at its stamp."""
-        if not self._settings.deskewing or cloud.offset_ns is None or not 0.0 < seconds < _LONGEST_PERIOD_S:
-            return seen
-        if len(seen.points) != len(cloud.offset_ns):  # points were dropped by range
-            return seen
-        still = deskewed(seen.points.astype(np.float64), cloud.offset_ns / 1e9, motion, seconds)
-        return replace(seen, points=still.astype(np.float32))
+    def _during_sweep(self, cloud: PointCloud, motion: Floats, seconds: float) -> Floats | None:
+        """Return how the base moves while a cloud is measured, if it goes on as it did; None where that is not known."""
+        if not self._settings.deskewing or not 0.0 < seconds < _LONGEST_PERIOD_S:
+            return None
+        return part_of(motion, sweep_ns(cloud) / 1e9 / seconds)
 
     def _placed(self, stamp_ns: int, scan: NodeScan, predicted: Floats) -> OdometryStep:
         try:

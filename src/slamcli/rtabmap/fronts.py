@@ -60,6 +60,10 @@ def front_of(parameters: RtabmapParameters, setup: Setup) -> Front:
         from slamcli.rtabmap.visual_front import VisualFront
 
         return VisualFront(parameters, setup)
-    from slamcli.rtabmap.scan_front import PlanarFront
+    if parameters.slamcli.odometry == "scan" and parameters.reg.force_3dof:
+        from slamcli.rtabmap.scan_front import PlanarFront
 
-    return PlanarFront(parameters, setup)
+        return PlanarFront(parameters, setup)
+    from slamcli.rtabmap.range_front import RangeFront
+
+    return RangeFront(parameters, setup)

@@ -58,8 +58,9 @@ class LoopDetector:
 
     def _refusal(self, node: int, posterior: float, count: int, signature: Signature, graph: MapGraph) -> str:
         """Why a hypothesis is not verified; empty if it is."""
-        threshold = self._threshold(node, count, signature, graph)
-        ratio = self._rtabmap.loop_ratio
+        threshold, ratio = self._rtabmap.loop_thr, self._rtabmap.loop_ratio
+        if posterior < threshold or count < 2:
+            threshold = self._eager(node, count, signature, graph)
         if posterior < threshold:
             return f"posterior {posterior:.3f} below {threshold:g}"
         if count < 2 and threshold > 0.0:
@@ -70,18 +71,16 @@ class LoopDetector:
             return f"posterior {posterior:.3f} below {ratio:g} of the one before, {self._before:.3f}"
         return ""
 
-    def _threshold(self, node: int, count: int, signature: Signature, graph: MapGraph) -> float:
+    def _eager(self, node: int, count: int, signature: Signature, graph: MapGraph) -> float:
         """`Rtabmap/LoopThr`, or less while a session is not tied to the map of the hypothesis."""
-        usual, eager = self._rtabmap.loop_thr, self._rgbd.aggressive_loop_thr
-        if not self._rgbd.enabled or (eager >= usual and count > self._mem.stm_size):
-            return usual
+        usual = self._rtabmap.loop_thr
         held = {*self._memory.short_term, *self._memory.working}
-        if node in graph.component(signature.id, among=held):
+        if not self._rgbd.enabled or node in graph.component(signature.id, among=held):
             return usual
         waits = self._rtabmap.start_new_map_on_loop_closure or not self._mem.incremental_memory
         if waits and count <= self._mem.stm_size and not graph.neighbours(signature.id):
             return 0.0  # a map so small leaves no choice
-        return min(eager, usual)
+        return min(self._rgbd.aggressive_loop_thr, usual)
 
     def _fits(self, a: Signature, b: Signature | None) -> bool:
         """Whether enough key points of words that each node shows once lie on each other's epipolar lines."""

@@ -25,7 +25,7 @@ from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory_records import Added, Likelihood, MemorySizes
 from slamcli.rtabmap.memory_store import LongTermStore
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.place_links import place_links
+from slamcli.rtabmap.place_links import LinkTable
 from slamcli.rtabmap.rehearsal import Rehearsal, reduced_to, rehearse
 from slamcli.rtabmap.retrieval import around, local_nodes
 from slamcli.rtabmap.signature import Signature, is_bad
@@ -64,6 +64,7 @@ class Memory:
         self._reach = len(parameters.bayes.prediction) - 1
         self._filter = BayesFilter(parameters.bayes.prediction, parameters.bayes.virtual_place_prior_thr)
         self._held = HeldPlaces(self.dictionary)
+        self._links = LinkTable()
         self._short_term: list[int] = []
         self._working: dict[int, int] = {}
         self._immune: set[int] = set()
@@ -261,7 +262,7 @@ class Memory:
     def posterior(self, likelihood: Likelihood, graph: MapGraph) -> Posterior:
         """Return where the robot is again."""
         intermediate = frozenset(node for node in self._held.signatures if self._held.weights[node] < 0)
-        links = place_links(self._held.signatures, graph.links_of, intermediate=intermediate)
+        links = self._links.among(self._held.signatures, graph.links_of, intermediate=intermediate)
         return self._filter.update(likelihood.ids, likelihood.values, links)
 
     def closed(self, a: int, b: int, *, by_scans: bool = False) -> None:

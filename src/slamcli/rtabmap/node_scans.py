@@ -52,6 +52,8 @@ def node_scan(
     keep = (ranges > range_min_m) & ((ranges <= range_max_m) | (range_max_m <= 0.0))
     flat = len(points) > 0 and bool((np.abs(points[:, 2]) < _FLAT_M).all())
     placed = _placed(points[keep], T_base_sensor)
+    if T_begin_end is None and twist is not None:
+        T_begin_end = se3.from_se2(twist * (sweep_ns(measurement) / 1e9))
     if T_begin_end is not None and measurement.offset_ns is not None and sweep_ns(measurement) > 0:
         placed = _carried(placed, measurement.offset_ns[keep] / sweep_ns(measurement), T_begin_end)
     return NodeScan(points=placed, planar=flat, T_base_sensor=T_base_sensor, range_max_m=range_max_m)

@@ -36,32 +36,62 @@ class PlaceLinks:
         return np.searchsorted(self.ids, ids)
 
 
-def place_links(
-    ids: Iterable[int],
-    links_of: Callable[[int], Sequence[Link]],
-    *,
-    intermediate: frozenset[int] = frozenset(),
-) -> PlaceLinks:
-    """Return the links among some places.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """The links of one place as they were looked at last."""
 
-    Parameters
-    ----------
-    links_of
-        Gives the links of a place, whichever end it is. Links found by proximity in space do not count (they are too many to tell
-        places from each other), nor do those to what is not among `ids`.
-    intermediate
-        Nodes that are no places of their own: leaving them along the odometry takes no step.
-    """
-    places = np.array(sorted(ids), np.int64)
-    row_of = {place: row for row, place in enumerate(places.tolist())}
-    counts, others, steps = np.zeros(len(places) + 1, np.int64), [], []
-    for place, row in row_of.items():
-        for link in links_of(place):
-            if link.from_id == link.to_id or link.kind == _LOCAL_SPACE:
-                continue
-            other = row_of.get(link.to_id if link.from_id == place else link.from_id)
-            if other is not None:
-                counts[row + 1] += 1
-                others.append(other)
-                steps.append(1 if link.kind in _STEPS and place not in intermediate else 0)
-    return PlaceLinks(places, np.cumsum(counts), np.array(others, np.int64), np.array(steps, np.int64))
+    source: Sequence[Link]
+    length: int
+    others: list[int]
+    steps: list[int]
+
+
+class LinkTable:
+    """Makes `PlaceLinks`; what did not change since the last time is not looked at again."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, _Known] = {}
+
+    def among(
+        self,
+        ids: Iterable[int],
+        links_of: Callable[[int], Sequence[Link]],
+        *,
+        intermediate: frozenset[int] = frozenset(),
+    ) -> PlaceLinks:
+        """Return the links among some places.
+
+        Parameters
+        ----------
+        links_of
+            Gives the links of a place, whichever end it is: always the same list, which only grows, or another one. Links found by
+            proximity in space do not count (they are too many to tell places from each other), nor do those to what is not
+            among `ids`.
+        intermediate
+            Nodes that are no places of their own: leaving them along the odometry takes no step.
+        """
+        places = sorted(ids)
+        known = {place: self._looked_at(place, links_of(place)) for place in places}
+        self._known = known
+        table = np.array(places, np.int64)
+        counts = np.array([len(one.others) for one in known.values()], np.int64)
+        others = np.array([other for one in known.values() for other in one.others], np.int64)
+        steps = np.array([step for one in known.values() for step in one.steps], np.int64)
+        origins = np.repeat(np.arange(len(table)), counts)
+        rows = np.searchsorted(table, others)
+        there = table[np.minimum(rows, len(table) - 1)] == others if len(table) else np.zeros(0, np.bool_)
+        if intermediate:
+            steps = np.where(np.isin(table[origins], list(intermediate)), 0, steps)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(origins[there], minlength=len(table)))])
+        return PlaceLinks(table, starts.astype(np.int64), rows[there], steps[there])
+
+    def _looked_at(self, place: int, links: Sequence[Link]) -> _Known:
+        before = self._known.get(place)
+        if before is not None and before.source is links and before.length == len(links):
+            return before
+        others, steps = [], []
+        for link in links:
+            if link.from_id != link.to_id and link.kind != _LOCAL_SPACE:
+                others.append(link.to_id if link.from_id == place else link.from_id)
+                steps.append(1 if link.kind in _STEPS else 0)
+        return _Known(links, len(links), others, steps)

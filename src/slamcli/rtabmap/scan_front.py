@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import DataError
 from slamcli.mapper import Setup
-from slamcli.measurements import LaserScan, Measurement, Odometry
+from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.scan_odometry import PlanarScanOdometry
@@ -41,7 +41,7 @@ class PlanarFront:
 
     def take(self, measurement: Measurement) -> Iterator[Moment]:
         """Take the next measurement; nothing is ready before the end."""
-        if isinstance(measurement, (LaserScan, Odometry)):
+        if isinstance(measurement, (LaserScan, PointCloud, Odometry)):
             self._odometry.add(measurement)
         return iter(())
 

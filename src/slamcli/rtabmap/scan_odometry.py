@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from slamcli.errors import CalibrationError, DataError, UsageError
 from slamcli.geometry import se2, se3
-from slamcli.measurements import LaserScan, Odometry
+from slamcli.measurements import LaserScan, Odometry, PointCloud
 from slamcli.registration.beams import Beams
 from slamcli.registration.laser_odometry import LaserOdometry, tells_sweep
 from slamcli.registration.scan_odometry import ScanStep
 from slamcli.registration.voxel_filter import adaptive_voxel_filter
 from slamcli.rtabmap.node_input import OdometryStep
-from slamcli.rtabmap.node_scans import node_scan
+from slamcli.rtabmap.node_scans import node_scan, sweep_ns
 from slamcli.rtabmap.signature import NodeScan
 from slamcli.runtime import RunLog
 from slamcli.trajectory.clocks import align_clocks
@@ -78,7 +78,8 @@ class PlanarScanOdometry:
     """Collects scans and odometry, and aligns them when the recording has ended.
 
     Knowing the whole recording first is what lets it estimate the offset between the clocks of laser and wheels, and the
-    wheels' systematic errors. Ranges are kept as they were read, four bytes a beam.
+    wheels' systematic errors. Scans are kept as they were read: four bytes a beam, twelve a point of
+    a planar scanner's cloud.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ class PlanarScanOdometry:
 
     def __init__(self, settings: ScanOdometrySettings, T_base_laser: Mapping[str, Floats], log: RunLog) -> None:
         self._settings, self._mounts, self._log = settings, T_base_laser, log
-        self._scans: list[LaserScan] = []
+        self._scans: list[LaserScan | PointCloud] = []
         self._odometry: list[Odometry] = []
         self._places: list[int] = []
         self._upright: set[str] = set()
@@ -96,7 +97,7 @@ class PlanarScanOdometry:
         """Return the number of scans."""
         return len(self._scans)
 
-    def add(self, measurement: LaserScan | Odometry) -> None:
+    def add(self, measurement: LaserScan | PointCloud | Odometry) -> None:
         """Take the next measurement in recorded order.
 
         Raises
@@ -127,7 +128,7 @@ class PlanarScanOdometry:
             raise DataError("no laser scan was read: name the topic with --scan-topic, or widen --start and --duration")
         recorded = np.array([scan.stamp_ns for scan in self._scans], np.int64)
         stamps, wheels = self._clocks(recorded)
-        sweep_s = max(abs(scan.time_increment_s) * max(scan.num_beams - 1, 0) for scan in self._scans)
+        sweep_s = max(_sweep_s(scan) for scan in self._scans)
         laser = LaserOdometry(
             stamps_ns=stamps, beams=self._beams, delta_m=self._settings.cell_m,
             sweeps=self._settings.deskewing and tells_sweep(stamps, sweep_s, self._log), log=self._log, wheels=wheels, tangent=_TANGENT,
@@ -167,7 +168,7 @@ class PlanarScanOdometry:
         told = [
             OdometryStep(
                 stamp_ns=int(recorded[k]), T_odom_base=poses[k], covariance=step_covariance(motions[k], step, known=known) if k else np.zeros((6, 6)),
-                num_features=(count := int(np.isfinite(self._scans[k].ranges_m).sum())), num_inliers=round(step.quality * count),
+                num_features=(count := _num_points(self._scans[k])), num_inliers=round(step.quality * count),
             )
             for k, step in enumerate(steps)
         ]  # fmt: skip
@@ -209,6 +210,17 @@ class PlanarScanOdometry:
                 f"the scanner on topic {topic!r} is tilted by {math.degrees(math.acos(min(1.0, upright))):.1f} degrees: scan odometry in "
                 "the plane needs a scanner that sweeps the floor plane (see --laser-pose)"
             )
+
+
+def _sweep_s(scan: LaserScan | PointCloud) -> float:
+    """Return the time from the first to the last point of a sweep; a negative increment is a reversed one."""
+    if isinstance(scan, LaserScan):
+        return abs(scan.time_increment_s) * max(scan.num_beams - 1, 0)
+    return sweep_ns(scan) / 1e9
+
+
+def _num_points(scan: LaserScan | PointCloud) -> int:
+    return int(np.isfinite(scan.ranges_m).sum()) if isinstance(scan, LaserScan) else len(scan.points_m)
 
 
 def beams_of(scan: NodeScan) -> Beams:

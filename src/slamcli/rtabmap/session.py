@@ -23,6 +23,7 @@ from slamcli.rtabmap.node_input import NodeInput
 from slamcli.rtabmap.node_rate import flattened, has_moved
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.signature import Signature, is_bad
+from slamcli.rtabmap.update_cost import update_work
 from slamcli.rtabmap.update_record import UpdateRecord
 from slamcli.runtime import RunLog
 
@@ -85,7 +86,7 @@ class Session:
         for gone, kept in added.reduced:
             self._merge(gone, kept)
         hypothesis = self._detector.hypothesis(signature, self.graph)
-        retrieved = self.memory.retrieve(hypothesis.node, self.graph)
+        retrieved = self.memory.retrieve(hypothesis.node, self.graph, here=signature.id)
         landmarks, by_markers = self.closing.by_markers(signature, node.images, self.graph)
         for link in landmarks:
             self.graph.add_link(link)
@@ -96,7 +97,11 @@ class Session:
             *self.closing.by_place(signature, self.graph),
         ]
         accepted, optimised = self._close(signature.id, proposals)
-        transferred = self.memory.transfer(self.graph, keep=[proposal.link.from_id for proposal in accepted])
+        work = update_work(
+            signature, self.memory.sizes(), retrieved=len(retrieved), registrations=len(proposals), optimised=optimised
+        )
+        keep = [proposal.link.from_id for proposal in accepted]
+        transferred = self.memory.transfer(self.graph, keep=keep, work=work)
         self._previous = signature
         by_looks = [proposal for proposal in accepted if proposal.link.kind == LinkKind.GLOBAL_CLOSURE]
         sizes = self.memory.sizes()

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from slamcli.errors import ConfigError
 from slamcli.mapper import Setup
 from slamcli.rtabmap.closing import Closing
 from slamcli.rtabmap.database import Database, StorageSettings
+from slamcli.rtabmap.dictionary_file import Words, read_dictionary
 from slamcli.rtabmap.fronts import Front
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping, parameters_text
@@ -27,9 +29,13 @@ def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> S
     ------
     FormatError
         If the database cannot be used.
+    ConfigError
+        If the dictionary is fixed, and there is none.
     """
+    words = _fixed_words(parameters, setup)
     database = _database(parameters, setup)
     memory = Memory(parameters, database)
+    memory.dictionary.add_words(*words)
     graph = MapGraph()
     if setup.database is not None and setup.database.append:
         restore(database, graph, memory)
@@ -39,6 +45,18 @@ def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> S
     return Session(
         parameters, memory=memory, graph=graph, detector=detector, closing=closing, keeping=keeping, log=setup.log
     )
+
+
+def _fixed_words(parameters: RtabmapParameters, setup: Setup) -> Words:
+    """The words of a dictionary that does not grow: of a file, or of the database that is continued."""
+    kp = parameters.kp
+    if kp.incremental_dictionary:
+        return np.zeros(0, np.int64), np.zeros((0, 32), np.uint8)
+    if kp.dictionary_path:
+        return read_dictionary(kp.dictionary_path)
+    if setup.database is not None and setup.database.append:
+        return read_dictionary(setup.database.path)
+    raise ConfigError("Kp/IncrementalDictionary is false, but there are no words: Kp/DictionaryPath names the file")
 
 
 def restore(database: Database, graph: MapGraph, memory: Memory) -> None:

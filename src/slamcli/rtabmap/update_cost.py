@@ -2,22 +2,25 @@
 """How long an update takes, told from what it does: `Rtabmap/TimeThr` is held against it.
 
 A clock would make the map depend on what else the computer does. The model counts instead, so that the same recording gives the
-same map; its coefficients were measured (benchmarks/appearance_memory.py).
+same map. Its coefficients are CPU times of one core of 2023 (benchmarks/appearance_memory.py, benchmarks/graph_updates.py).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-_BASE_MS = 1.0
-_MS_PER_WORD_SEARCH = 2.5e-7
+from slamcli.rtabmap.memory_records import MemorySizes
+from slamcli.rtabmap.signature import Signature
+
+_BASE_MS = 2.0
+_MS_PER_WORD_SEARCH = 2e-7
 """For each key point and word of the dictionary."""
-_MS_PER_KEY_POINT = 0.01
-_MS_PER_NODE = 0.004
+_MS_PER_KEY_POINT = 0.005
+_MS_PER_NODE = 0.005
 """For each place in working memory: its links, its likelihood, its posterior."""
-_MS_PER_READ = 2.0
-_MS_PER_REGISTRATION = 5.0
-_MS_PER_OPTIMISED = 0.02
+_MS_PER_READ = 5.0
+_MS_PER_REGISTRATION = 20.0
+_MS_PER_OPTIMISED = 0.04
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,3 +51,13 @@ def modelled_ms(work: UpdateWork) -> float:
         + _MS_PER_REGISTRATION * work.registrations
         + _MS_PER_OPTIMISED * work.optimised
     )
+
+
+def update_work(
+    signature: Signature, sizes: MemorySizes, *, retrieved: int, registrations: int, optimised: int
+) -> UpdateWork:
+    """Return what an update with a new node did."""
+    return UpdateWork(
+        key_points=int((signature.word_ids > 0).sum()), words=sizes.words, working=sizes.working, retrieved=retrieved,
+        registrations=registrations, optimised=optimised,
+    )  # fmt: skip

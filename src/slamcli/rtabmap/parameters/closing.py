@@ -53,7 +53,10 @@ class RgbdGroup:
     )
     force_odom_3dof: bool = switch("ForceOdom3DoF", True, "with Reg/Force3DoF odometry is put into the plane too")
     start_at_origin: bool = switch(
-        "StartAtOrigin", False, "localisation begins at the map's origin; false: where the last session ended"
+        "StartAtOrigin",
+        False,
+        "localisation begins at the map's origin instead of where the last session ended; here closures alone tell where",
+        effective=False,
     )
     goal_reached_radius: float = length(
         "GoalReachedRadius", 0.5, "planning: a goal is reached within this", effective=False
@@ -74,7 +77,10 @@ class RgbdGroup:
         "LocalImmunizationRatio", 0.25, "share of working memory of near nodes that is not transferred"
     )
     scan_matching_ids_saved_in_links: bool = switch(
-        "ScanMatchingIdsSavedInLinks", True, "a proximity link says in the database which scans were merged for it"
+        "ScanMatchingIdsSavedInLinks",
+        True,
+        "a note for viewers: which scans were merged for a proximity link",
+        effective=False,
     )
     neighbor_link_refining: bool = switch(
         "NeighborLinkRefining", False, "odometry between nodes is refined by registration"
@@ -104,13 +110,26 @@ class RgbdGroup:
         "LoopCovLimited", False, "no closure counts as more certain than the most certain odometry link"
     )
     max_odom_cache_size: int = count(
-        "MaxOdomCacheSize", 10, "poses of odometry that a localisation is checked and smoothed with; 0: none", "poses"
+        "MaxOdomCacheSize",
+        10,
+        "poses of odometry that a localisation is smoothed with; here all nodes of the session are optimised together",
+        "poses",
+        effective=False,
     )
     localization_smoothing: bool = switch(
-        "LocalizationSmoothing", True, "a localisation is smoothed over the odometry's cache"
+        "LocalizationSmoothing",
+        True,
+        "a localisation is smoothed over the odometry's cache; here always, over the whole session",
+        effective=False,
     )
     localization_prior_error: float = number(
-        "LocalizationPriorError", 0.001, "standard deviation of the map's poses in that", "m, rad", 1e-9, 1e3
+        "LocalizationPriorError",
+        0.001,
+        "standard deviation of the map's poses in that; here they count by their own links",
+        "m, rad",
+        1e-9,
+        1e3,
+        effective=False,
     )
     localization_second_try_without_proximity_links: bool = switch(
         "LocalizationSecondTryWithoutProximityLinks",

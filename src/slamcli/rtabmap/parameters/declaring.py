@@ -62,6 +62,12 @@ def choice(
     )  # fmt: skip
 
 
+def absent(name: str, help: str) -> Any:
+    """Declare a switch that can only be off here."""
+    refused = {"True": "is not available here: leave it false"}
+    return parameter(False, help, name=name, unavailable=refused, effective=False)
+
+
 def numbers(name: str, value: str, how_many: int | None, what: str) -> tuple[float, ...]:
     """Return the numbers of a parameter that holds several in one text, separated by blanks.
 

@@ -10,30 +10,33 @@ from slamcli.parameters import parameter
 from slamcli.rtabmap.parameters.declaring import choice, count, number, switch
 
 
+def _of_stereo_flow(name: str, default: Any) -> Any:
+    return parameter(
+        default, "of optical flow between both images; here windows are compared", name=name, effective=False
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StereoGroup:
     """``Stereo``: where a key point of the left image is in the right one."""
 
     win_width: int = count("WinWidth", 15, "width of the compared window", "px", 3, 1000)
     win_height: int = count("WinHeight", 3, "height of the compared window", "px", 3, 1000)
-    iterations: int = count("Iterations", 30, "steps of optical flow or of refining at most", "", 1, 1000)
-    max_level: int = count("MaxLevel", 5, "levels of the image pyramid", "levels", 0, 16)
+    iterations: int = _of_stereo_flow("Iterations", 30)
+    max_level: int = _of_stereo_flow("MaxLevel", 5)
     min_disparity: float = number("MinDisparity", 0.5, "smaller disparities are dropped", "px", 0.0, 1e5)
     max_disparity: float = number("MaxDisparity", 128.0, "larger disparities are dropped", "px", 1.0, 1e5)
     optical_flow: bool = switch(
-        "OpticalFlow", True, "follow key points by optical flow; false: compare windows along the line"
+        "OpticalFlow",
+        True,
+        "follow key points by optical flow, or compare windows along the row; here windows, whatever it says",
+        effective=False,
     )
     ssd: bool = switch("SSD", True, "windows are compared by squares of differences; false: by their amounts")
-    eps: float = number("Eps", 0.01, "steps end when one is shorter", "px", 0.0, 1.0)
-    use_min_eigen_vals: bool = switch(
-        "UseMinEigenVals", True, "judge optical flow by the least eigenvalue; false: by its difference"
-    )
-    min_eig_threshold: float = number(
-        "MinEigThreshold", 1e-4, "points with a smaller eigenvalue are dropped", "", 0.0, 1e6
-    )
-    error_threshold: float = number(
-        "ErrorThreshold", 50.0, "points with a larger difference are dropped", "grey levels"
-    )
+    eps: float = _of_stereo_flow("Eps", 0.01)
+    use_min_eigen_vals: bool = _of_stereo_flow("UseMinEigenVals", True)
+    min_eig_threshold: float = _of_stereo_flow("MinEigThreshold", 1e-4)
+    error_threshold: float = _of_stereo_flow("ErrorThreshold", 50.0)
     gpu: bool = switch("Gpu", False, "optical flow on a GPU; here on the processor", effective=False)
     dense_strategy: int = choice(
         "DenseStrategy",

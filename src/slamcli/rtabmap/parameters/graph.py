@@ -50,10 +50,19 @@ class G2oGroup:
         effective=False,
     )
     pixel_variance: float = number(
-        "PixelVariance", 1.0, "variance of a key point in bundle adjustment", "px^2", 1e-6, 1e6
+        "PixelVariance",
+        1.0,
+        "variance of a key point in bundle adjustment; here that of its octave",
+        "px^2",
+        1e-6,
+        1e6,
+        effective=False,
     )
     robust_kernel_delta: float = number(
-        "RobustKernelDelta", 8.0, "chi square from which a key point weighs less in bundle adjustment; 0: none does"
+        "RobustKernelDelta",
+        8.0,
+        "chi square from which a key point weighs less in bundle adjustment; here that of 95 %",
+        effective=False,
     )
     baseline: float = length(
         "Baseline",

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from slamcli.parameters import parameter
-from slamcli.rtabmap.parameters.declaring import choice, count, length, number, share, switch, text
+from slamcli.rtabmap.parameters.declaring import absent, choice, count, length, number, share, switch, text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,10 @@ class RtabmapGroup:
         "SaveWMState", False, "store with each node's statistics which nodes were in working memory"
     )
     time_thr: float = number(
-        "TimeThr", 0.0, "longest time that an update may take before nodes go to long-term memory; 0: no bound", "ms"
+        "TimeThr",
+        0.0,
+        "longest time that an update may take, as modelled, before nodes go to long-term memory; 0: no bound",
+        "ms",
     )
     memory_thr: int = count(
         "MemoryThr", 0, "nodes in working memory at most, before some go to long-term memory; 0: no bound", "nodes"
@@ -131,9 +134,12 @@ class MemGroup:
     stm_size: int = count("STMSize", 10, "nodes in short-term memory: no loops are looked for among them", "nodes", 1)
     incremental_memory: bool = switch("IncrementalMemory", True, "map; false: the map is fixed and only localised in")
     localization_read_only: bool = switch(
-        "LocalizationReadOnly", False, "open the database for reading only when localising"
+        "LocalizationReadOnly",
+        False,
+        "open the database for reading only when localising; here a copy is worked on, so that it always stays as it is",
+        effective=False,
     )
-    localization_data_saved: bool = switch("LocalizationDataSaved", False, "store nodes of a localisation session too")
+    localization_data_saved: bool = absent("LocalizationDataSaved", "store the nodes of a localisation too")
     reduce_graph: bool = switch("ReduceGraph", False, "drop a node that closed a loop: its links go to the other one")
     recent_wm_ratio: float = share(
         "RecentWmRatio", 0.2, "share of working memory after the last loop closure that is not transferred"
@@ -160,8 +166,8 @@ class MemGroup:
     depth_mask_floor_thr: float = length(
         "DepthMaskFloorThr", 0.0, "no key points lower than this above the base frame's floor (Kp); 0: anywhere"
     )
-    stereo_from_motion: bool = switch(
-        "StereoFromMotion", False, "triangulate key points without depth from the odometry's motion"
+    stereo_from_motion: bool = absent(
+        "StereoFromMotion", "triangulate key points without depth from the odometry's motion"
     )
     image_pre_decimation: int = count(
         "ImagePreDecimation", 1, "images are made smaller by this before key points are found", "", 1, 64
@@ -205,6 +211,6 @@ class MemGroup:
         {1: "PyDescriptor"},
         effective=False,
     )
-    rotate_images_upside_up: bool = switch(
-        "RotateImagesUpsideUp", False, "turn images so that up is up, by the camera's mount"
+    rotate_images_upside_up: bool = absent(
+        "RotateImagesUpsideUp", "turn images so that up is up, by the camera's mount"
     )

@@ -9,7 +9,7 @@ from typing import Any
 from slamcli.parameters import parameter
 from slamcli.rtabmap.parameters.declaring import choice, count, length, number, region, share, switch, text
 
-FEATURES = {8: "GFTT/ORB", 10: "ORB-OCTREE", 2: "ORB", 6: "GFTT/BRIEF (ORB's pairs, not turned)"}
+FEATURES = {8: "GFTT/ORB", 10: "ORB-OCTREE", 2: "ORB", 6: "GFTT/BRIEF by ORB's pairs"}
 NOT_HERE = {
     0: "SURF", 1: "SIFT", 3: "FAST/FREAK", 4: "FAST/BRIEF", 5: "GFTT/FREAK", 7: "BRISK", 9: "KAZE",
     11: "SuperPoint", 12: "SURF/FREAK", 13: "GFTT/DAISY", 14: "SURF/DAISY", 15: "PyDetector",
@@ -32,8 +32,8 @@ class KpGroup:
     """``Kp``: key points that become words."""
 
     nn_strategy: int = choice(
-        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with likely ones", {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"},
-        {4: "brute force on a GPU"},
+        "NNStrategy", 1, "search of the nearest word; 0 and 3 compare with all, 1 and 2 with those that an index finds",
+        {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force"}, {4: "brute force on a GPU"},
     )  # fmt: skip
     incremental_dictionary: bool = switch(
         "IncrementalDictionary", True, "new words are added; false: the dictionary is fixed"
@@ -73,7 +73,7 @@ class KpGroup:
         "Parallelized", True, "dictionary and nodes in threads; --jobs says how many", effective=False
     )
     roi_ratios: str = text("RoiRatios", WHOLE_IMAGE, "shares of the image without key points: left, right, top, bottom")
-    dictionary_path: str = text("DictionaryPath", "", "file of a dictionary to begin with")
+    dictionary_path: str = text("DictionaryPath", "", "file of the fixed dictionary: a .db, or RTAB-Map's text file")
     new_words_compared_together: bool = switch(
         "NewWordsComparedTogether", True, "new words of one image are compared with each other too"
     )
@@ -99,6 +99,12 @@ class KpGroup:
         return region("Kp/RoiRatios", self.roi_ratios)
 
 
+def _of_flow(name: str, default: Any) -> Any:
+    return parameter(
+        default, "of matches by optical flow (Vis/CorType 1), which are not available here", name=name, effective=False
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VisGroup:
     """``Vis``: key points that are matched for a transform."""
@@ -122,7 +128,13 @@ class VisGroup:
         effective=False,
     )
     pnp_refine_iterations: int = count(
-        "PnPRefineIterations", 0, "refinements of the pose with its inliers", "", 0, 1000
+        "PnPRefineIterations",
+        0,
+        "refinements of the pose with its inliers; here it is refined until it stays",
+        "",
+        0,
+        1000,
+        effective=False,
     )
     pnp_variance_median_ratio: int = count(
         "PnPVarianceMedianRatio",
@@ -143,7 +155,10 @@ class VisGroup:
         effective=False,
     )
     pnp_split_linear_cov_components: bool = switch(
-        "PnPSplitLinearCovComponents", False, "variance of x, y and z each; false: one for all"
+        "PnPSplitLinearCovComponents",
+        False,
+        "variance of x, y and z each, or one for all; here covariances are whole",
+        effective=False,
     )
     epipolar_geometry_var: float = number(
         "EpipolarGeometryVar", 0.1, "largest variance of a transform (2D to 2D)", "m^2"
@@ -172,7 +187,13 @@ class VisGroup:
     sub_pix_eps: float = number("SubPixEps", 0.02, "steps of refining corners end when one is shorter", "px", 0.0, 1.0)
     grid_rows: int = count("GridRows", 1, "rows of cells that get equally many key points", "", 1, 1000)
     grid_cols: int = count("GridCols", 1, "columns of cells that get equally many key points", "", 1, 1000)
+<<<<<<< HEAD
     cor_type: int = choice("CorType", 0, "matches of two images from", {0: "descriptors"}, {1: "optical flow"})
+=======
+    cor_type: int = choice(
+        "CorType", 0, "matches of two images from", {0: "descriptors"}, {1: "optical flow"}, effective=False
+    )
+>>>>>>> main
     cor_nn_type: int = choice(
         "CorNNType", 1, "search of matches; all but 5 are exact with the ratio test",
         {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force", 5: "mutual nearest"},
@@ -188,7 +209,10 @@ class VisGroup:
         100_000,
     )
     cor_guess_match_to_projection: bool = switch(
-        "CorGuessMatchToProjection", False, "each key point looks for projected points; false: the other way round"
+        "CorGuessMatchToProjection",
+        False,
+        "each key point looks for projected points; here always the other way round",
+        effective=False,
     )
     cor_flow_win_size: int = _of_flow("CorFlowWinSize", 16)
     cor_flow_iterations: int = _of_flow("CorFlowIterations", 30)
