@@ -62,7 +62,7 @@ class OdomGroup:
     align_with_ground: bool = switch(
         "AlignWithGround",
         False,
-        "the first pose is turned so that the ground is level; here maps are turned upright in the end",
+        "level the first pose by the ground; here an IMU or, of cameras held anyhow, the finished map tells what is level",
         effective=False,
     )
     deskewing: bool = switch("Deskewing", True, "points of a sweep are moved to where they were at its stamp")
@@ -79,11 +79,6 @@ class OdomF2mGroup:
         "MaxNewFeatures", 0, "points that a keyframe adds at most, by response; 0: any", "points"
     )
     init_depth_factor: float = number(
-<<<<<<< HEAD
-        "InitDepthFactor", 0.05, "depth at which a key point without depth begins; here it is followed where another view knew its depth",
-        effective=False,
-    )  # fmt: skip
-=======
         "InitDepthFactor",
         0.05,
         "a key point without depth begins at this times the focal length; here it does not join the local map",
@@ -92,7 +87,6 @@ class OdomF2mGroup:
         1e3,
         effective=False,
     )
->>>>>>> main
     floor_threshold: float = number(
         "FloorThreshold", 0.0, "only points higher above the base frame are tracked; 0: all", "m", -1e6, 1e6
     )
@@ -105,17 +99,11 @@ class OdomF2mGroup:
     )
     scan_range: float = length("ScanRange", 0.0, "points of the local map farther away are dropped; 0: the oldest are")
     valid_depth_ratio: float = share(
-<<<<<<< HEAD
-        "ValidDepthRatio", 0.75, "key points without depth are added if at least this share of a frame's has depth; here they never are",
-        effective=False,
-    )  # fmt: skip
-=======
         "ValidDepthRatio",
         0.75,
         "key points without depth are added if this share of a frame's has depth; here they never are",
         effective=False,
     )
->>>>>>> main
     bundle_adjustment: int = choice(
         "BundleAdjustment", 1, "adjust the local map", {0: "no", 1: "yes", 2: "yes (cvsba)", 3: "yes (Ceres)"}
     )
@@ -125,25 +113,19 @@ class OdomF2mGroup:
     bundle_adjustment_min_motion: float = number(
         "BundleAdjustmentMinMotion",
         0.0,
-        "a keyframe needs key points that moved by this on average; here by how much it still sees",
+        "a keyframe needs key points that moved by this on average; 0: it does not",
         "px",
-        effective=False,
     )
     bundle_adjustment_max_key_frames_per_feature: int = count(
         "BundleAdjustmentMaxKeyFramesPerFeature",
         0,
-        "views of a point that count at most; here all do",
+        "views of a point that count at most; 0: all",
         "frames",
-        effective=False,
     )
     bundle_update_feature_map_on_all_frames: bool = switch(
         "BundleUpdateFeatureMapOnAllFrames",
         False,
-<<<<<<< HEAD
-        "points are adjusted on every frame; here on keyframes alone",
-=======
         "points are adjusted on every frame; here on keyframes",
->>>>>>> main
         effective=False,
     )
 

@@ -18,15 +18,6 @@ NOT_HERE = {
 WHOLE_IMAGE = "0.0 0.0 0.0 0.0"
 
 
-def _of_flow(name: str, default: Any) -> Any:
-    return parameter(
-        default,
-        "of optical flow between images, which is not available here (Vis/CorType 0)",
-        name=name,
-        effective=False,
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KpGroup:
     """``Kp``: key points that become words."""
@@ -187,13 +178,9 @@ class VisGroup:
     sub_pix_eps: float = number("SubPixEps", 0.02, "steps of refining corners end when one is shorter", "px", 0.0, 1.0)
     grid_rows: int = count("GridRows", 1, "rows of cells that get equally many key points", "", 1, 1000)
     grid_cols: int = count("GridCols", 1, "columns of cells that get equally many key points", "", 1, 1000)
-<<<<<<< HEAD
-    cor_type: int = choice("CorType", 0, "matches of two images from", {0: "descriptors"}, {1: "optical flow"})
-=======
     cor_type: int = choice(
         "CorType", 0, "matches of two images from", {0: "descriptors"}, {1: "optical flow"}, effective=False
     )
->>>>>>> main
     cor_nn_type: int = choice(
         "CorNNType", 1, "search of matches; all but 5 are exact with the ratio test",
         {0: "linear", 1: "kd-trees", 2: "LSH", 3: "brute force", 5: "mutual nearest"},
