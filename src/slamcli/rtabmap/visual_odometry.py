@@ -57,7 +57,8 @@ class VisualOdometry:
         self._last: Features | None = None
         self._T_last = self._T_camera_base
         """T_camera_odom of the last frame that has a pose."""
-        self._keyframe_ns = 0
+        self._keyframe_ns, self._keyframe_frame = 0, 0
+        """Stamp and number of the frame that became the newest keyframe."""
         self._kept = 0
         """Points that the newest keyframe sees."""
         self._num_lost = 0
@@ -144,7 +145,8 @@ class VisualOdometry:
         settings, held = self.settings, match.num_inliers
         few = held < settings.keyframe_share * len(features) or held < settings.keyframe_inliers
         fewer = held < settings.keyframe_kept * self._kept
-        wanted = few or (fewer and stamp_ns - self._keyframe_ns >= settings.keyframe_gap_ns)
+        due = stamp_ns - self._keyframe_ns >= settings.keyframe_gap_ns and self._number > self._keyframe_frame + 1
+        wanted = few or (fewer and due)
         if wanted and settings.adjust and settings.least_motion_px > 0.0:
             return self._map.keyframes[-1].mean_motion(features, match.points) >= settings.least_motion_px
         return wanted
@@ -160,7 +162,7 @@ class VisualOdometry:
             self._map, features, grid, T_camera_odom, points, self._number, self.settings, self._T_base_camera
         )
         self._kept = int(np.count_nonzero(keyframe.points >= 0))
-        self._keyframe_ns = stamp_ns
+        self._keyframe_ns, self._keyframe_frame = stamp_ns, self._number
         self._track.settle(self._map.keyframes)
         self.counts["keyframes"] += 1
         return keyframe.T_camera_odom
