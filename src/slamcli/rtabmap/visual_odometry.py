@@ -27,6 +27,8 @@ from slamcli.vision.pinhole import Pinhole
 
 _SURELY = 100
 """With fewer inliers keyframes are tried by their looks besides the guess, and the best wins."""
+_MANY = 200
+"""With so many by looks no other keyframe is tried."""
 _NEWEST = 6
 """Keyframes that are tried by their looks; for a frame that these do not explain, others that look like it as well."""
 
@@ -112,10 +114,10 @@ class VisualOdometry:
         if best is not None and best.num_inliers >= _SURELY:
             return best
         newest = self._map.keyframes[: -_NEWEST - 1 : -1]
-        best = self._matcher.by_looks(self._map, features, grid, newest, best, self._number, _SURELY)
+        best = self._matcher.by_looks(self._map, features, grid, newest, best, self._number, _MANY)
         if best is None:
             alike = self._matcher.alike(self._map.keyframes[:-_NEWEST], features)
-            best = self._matcher.by_looks(self._map, features, grid, alike, best, self._number, _SURELY)
+            best = self._matcher.by_looks(self._map, features, grid, alike, best, self._number, _MANY)
         return best
 
     def _lose(self, stamp_ns: int, features: Features, grid: FeatureGrid) -> OdometryStep:
@@ -145,7 +147,9 @@ class VisualOdometry:
         settings, held = self.settings, match.num_inliers
         few = held < settings.keyframe_share * len(features) or held < settings.keyframe_inliers
         fewer = held < settings.keyframe_kept * self._kept
-        due = stamp_ns - self._keyframe_ns >= settings.keyframe_gap_ns and self._number > self._keyframe_frame + 1
+        age_ns = stamp_ns - self._keyframe_ns
+        skipped = self._number > self._keyframe_frame + 1
+        due = age_ns >= (settings.keyframe_gap_ns if skipped else settings.keyframe_age_ns)
         wanted = few or (fewer and due)
         if wanted and settings.adjust and settings.least_motion_px > 0.0:
             return self._map.keyframes[-1].mean_motion(features, match.points) >= settings.least_motion_px
