@@ -36,7 +36,7 @@ _NEIGHBOURS = 2
 """Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
 _NEAR_M, _NEAR_RAD = 2.0, 0.8
 """Nodes of the finished map that are farther apart or look elsewhere are not compared."""
-_MOST_PER_NODE = 3
+_MOST_PER_NODE = 8
 """Searches of the finished map for one node."""
 
 
