@@ -196,7 +196,10 @@ class VisGroup:
         100_000,
     )
     cor_guess_match_to_projection: bool = switch(
-        "CorGuessMatchToProjection", False, "each key point looks for projected points; false: the other way round"
+        "CorGuessMatchToProjection",
+        False,
+        "each key point looks for projected points; here always the other way round",
+        effective=False,
     )
     cor_flow_win_size: int = _of_flow("CorFlowWinSize", 16)
     cor_flow_iterations: int = _of_flow("CorFlowIterations", 30)
