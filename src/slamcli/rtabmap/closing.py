@@ -73,6 +73,9 @@ class Closing:
         self._settings = visual_settings(parameters.vis, parameters.reg)
         optimizer, gtsam = parameters.optimizer, parameters.gtsam
         self._optimiser = GraphOptimiser(graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof))
+        robust = graph_settings(replace(optimizer, robust=True), gtsam, planar=parameters.reg.force_3dof)
+        self._sorter = GraphOptimiser(replace(robust, incremental=False))
+        self._last_check = ClosureCheck(parameters.rgbd, robust=True)
         self._scan_settings = ScanSettings.of(parameters)
         self._scan_proximity = ScanProximity(parameters)
         self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust)
@@ -82,12 +85,26 @@ class Closing:
         self.records: list[ClosureRecord] = []
         """Places that were compared, with what came of it."""
 
-    def optimise(self, ids: Sequence[int], graph: MapGraph, links: Sequence[Link] | None = None) -> OptimisedGraph:
+    def optimise(
+        self,
+        ids: Sequence[int],
+        graph: MapGraph,
+        links: Sequence[Link] | None = None,
+        *,
+        by: GraphOptimiser | None = None,
+    ) -> OptimisedGraph:
         """Return where links among some nodes agree best, all that the graph has unless told; nothing is changed."""
         poses = np.array([graph.T_map_base[node_id] for node_id in ids])
         root = graph_root(ids, from_end=self._parameters.rgbd.optimize_from_graph_end)
         used = graph.links_among(ids) if links is None else links
-        return self._optimiser.optimise(ids, poses, used, root=root)
+        return (by or self._optimiser).optimise(ids, poses, used, root=root)
+
+    def sort_out(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
+        """Return which of many proposed closures agree with each other and the graph, all taken together (Optimizer/Robust)."""
+        new = [proposal.link for proposal in proposals]
+        return self._last_check.judge(
+            lambda links: self.optimise(ids, graph, links, by=self._sorter), graph.links_among(ids), new
+        )
 
     def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
         """Return which of the proposed closures, which the graph does not have yet, it can bear."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
+from slamcli.rtabmap.closure_check import Verdict
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.gravity import gravity_link
 from slamcli.rtabmap.hypothesis import LoopDetector
@@ -134,11 +135,11 @@ class Session:
 
     def _search_again(self) -> bool:
         """Return whether the finished map showed places that no closure tied yet."""
-        found = False
-        for proposals in self.closing.in_the_end(self.graph, self.own_nodes):
-            accepted, _ = self._close(proposals[0].link.to_id, proposals, everything=True)
-            found = found or bool(accepted)
-        return found
+        proposals = [one for found in self.closing.in_the_end(self.graph, self.own_nodes) for one in found]
+        if not proposals:
+            return False
+        ids = self._scope([end for one in proposals for end in (one.link.from_id, one.link.to_id)], everything=True)
+        return bool(self._take(ids, proposals, self.closing.sort_out(ids, self.graph, proposals)))
 
     def _merge(self, gone: int, kept: int) -> None:
         """Let one node stand for another that saw the same."""
@@ -216,6 +217,11 @@ class Session:
         verdict = self.closing.judge(ids, self.graph, proposals)
         if verdict.graph is None and len(proposals) > 1:  # one wrong closure must not take the right ones along
             return self._one_by_one(node_id, proposals, everything=everything)
+        accepted = self._take(ids, proposals, verdict)
+        return accepted, 0 if verdict.graph is None else verdict.graph.moved
+
+    def _take(self, ids: Sequence[int], proposals: Sequence[Proposal], verdict: Verdict) -> list[Proposal]:
+        """Put into the graph what a verdict accepts, and nodes where it has them; return the accepted closures."""
         self.graph.remove_links(verdict.dropped)
         self.keeping.unlink(verdict.dropped)
         for link in verdict.accepted:
@@ -223,15 +229,14 @@ class Session:
         self.keeping.link(verdict.accepted)
         self.closing.note(proposals, verdict)
         if verdict.graph is None:
-            return [], 0
+            return []
         self.graph.place(ids, verdict.graph.T_map_base)
         taken = {(link.from_id, link.to_id) for link in verdict.accepted}
         accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
         for proposal in accepted:
-            if proposal.link.kind == LinkKind.LANDMARK:
-                continue
-            self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
-        return accepted, verdict.graph.moved
+            if proposal.link.kind != LinkKind.LANDMARK:
+                self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
+        return accepted
 
     def _one_by_one(
         self, node_id: int, proposals: Sequence[Proposal], *, everything: bool
