@@ -14,10 +14,10 @@ import pytest
 from numpy.typing import NDArray
 
 from slamcli.errors import RecordingError, UsageError
-from slamcli.geometry import se3
+from slamcli.geometry import quaternion, se3
 from slamcli.gmapping import TIER as GMAPPING
 from slamcli.mapper import MappingResult, Setup
-from slamcli.measurements import LaserScan, Measurement, Odometry, RgbdFrame, SessionStart
+from slamcli.measurements import ImuSample, LaserScan, Measurement, Odometry, RgbdFrame, SessionStart
 from slamcli.outputs import check_directory
 from slamcli.pipelines.config import load_native
 from slamcli.pipelines.database_facts import database_facts
@@ -132,6 +132,22 @@ def test_nodes_are_measured_once_more(tmp_path: Path) -> None:
     assert (rig.mode, rig.main.intrinsics[0, 0], rig.rate_hz) == ("rgbd", 30.0, 1.0)
     np.testing.assert_allclose(rig.T_base_main, T_BASE_CAMERA, atol=1e-6)
     assert found.length_s == pytest.approx(3.0)  # two sessions of 2 s and 1 s
+
+
+def test_gravity_comes_along(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.db")
+    tilted = se3.from_position_quaternion(np.zeros(3), quaternion.from_roll_pitch_yaw(0.1, -0.3, 0.0))
+    with Database.append(path) as database:
+        link = Link(from_id=2, to_id=2, kind=LinkKind.GRAVITY, T_from_to=tilted, information=np.eye(6))
+        database.add_links([link])
+    found = Opened(path)
+    (sample,) = (m for m in found.measurements if isinstance(m, ImuSample))
+    assert (sample.stamp_ns, sample.topic) == (START + 2 * S, "/imu")
+    assert sample.quat_xyzw is not None
+    np.testing.assert_allclose(quaternion.to_matrix(sample.quat_xyzw), tilted[:3, :3], atol=1e-6)
+    np.testing.assert_allclose(tilted[:3, :3] @ sample.acceleration_m_s2, [0.0, 0.0, 9.81], atol=1e-5)
+    np.testing.assert_array_equal(found.feed.T_base_sensor["/imu"], np.eye(4))
+    assert "ImuSample" not in Opened(path, imu="none").kinds
 
 
 def test_its_parameters_lie_beneath_those_of_the_user(tmp_path: Path) -> None:

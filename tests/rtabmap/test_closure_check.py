@@ -80,6 +80,20 @@ def test_only_what_hangs_together_with_the_root_moves():
     assert np.allclose(other.pose(101), motion(51.0))
 
 
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.0, 3.1])
+def test_a_session_with_a_frame_of_its_own_is_joined_from_wherever_it_is(turn):
+    poses, links, start = square(noise=0.01)
+    elsewhere = motion(40.0, -7.0, 2.0, (0.3, 0.1, turn))
+    second = {i + 100: elsewhere @ T for i, T in start.items()}
+    own = [replace(one, from_id=one.from_id + 100, to_id=one.to_id + 100) for one in links]
+    poses = {**poses, **{i + 100: T for i, T in poses.items()}}
+    for joined in (link(poses, 7, 112), link(poses, 112, 7)):
+        graph = run({**start, **second}, [*links, *own, joined])
+        assert max(np.linalg.norm(graph.pose(i + 100)[:3, 3] - start[i][:3, 3]) for i in start) < 0.3
+        assert graph.moved == 42
+        assert graph.error < 1e-6
+
+
 def test_roots():
     assert graph_root([-3, 4, 9, 7], from_end=False) == 4
     assert graph_root([-3, 4, 9, 7], from_end=True) == 9

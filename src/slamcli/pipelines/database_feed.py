@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.geometry import se3
+from slamcli.geometry import quaternion, se3
 from slamcli.mapper import InputPlan
 from slamcli.measurements import (
     CameraModel,
     CameraRig,
     Image,
+    ImuSample,
     LandmarkObservation,
     Landmarks,
     LaserScan,
@@ -33,7 +34,8 @@ from slamcli.rtabmap.signature import NodeImages, NodeScan
 from slamcli.runtime import RunLog
 
 _TOPICS = {"rgbd": ("/rgb", "/depth"), "stereo": ("/left", "/right"), "mono": ("/rgb", "")}
-_SCAN, _ODOMETRY, _LANDMARKS = "/scan", "/odom", "/landmarks"
+_SCAN, _ODOMETRY, _LANDMARKS, _IMU = "/scan", "/odom", "/landmarks", "/imu"
+_GRAVITY_M_S2 = 9.81
 _DEFAULT_RATE_HZ = 1.0
 
 
@@ -79,8 +81,9 @@ class DatabaseFeed:
 
     @property
     def T_base_sensor(self) -> Mapping[str, NDArray[np.float64]]:  # noqa: N802
-        """Landmarks are seen from the base."""
-        return {_LANDMARKS: np.eye(4)} if self.plan.landmarks else {}
+        """Landmarks are seen from the base, and so is what is up."""
+        taken = {_LANDMARKS: self.plan.landmarks, _IMU: self.plan.imu}
+        return {topic: np.eye(4) for topic, used in taken.items() if used}
 
     @property
     def topics(self) -> Mapping[str, Any]:
@@ -104,7 +107,7 @@ class DatabaseFeed:
         return sum((s.nodes[-1].stamp_ns - s.nodes[0].stamp_ns) / 1e9 for s in self.sessions if s.nodes)
 
     def measurements(self) -> Iterator[Measurement]:
-        """Yield, for each node, its odometry, landmarks, scan and images, all under its stamp; sessions one after the other.
+        """Yield, for each node, its odometry, which way is up, landmarks, scan and images, all under its stamp; sessions one after the other.
 
         The odometry's covariance is that of the motion since the node before, as the link between them holds it. Planar
         scans are scans again (see `slamcli.pipelines.scan_cloud.scan_of`), others clouds in their sensor's frame. They are read ahead on a thread.
@@ -151,6 +154,13 @@ class DatabaseFeed:
             yield Odometry(
                 stamp_ns=node.stamp_ns, frame_id="odom", child_frame_id=self.base_frame, position_m=position,
                 quat_xyzw=quat, covariance=node.covariance, topic=_ODOMETRY,
+            )  # fmt: skip
+        if self.plan.imu and node.id in session.gravity:
+            R_level_base = session.gravity[node.id]
+            yield ImuSample(
+                stamp_ns=node.stamp_ns, frame_id=self.base_frame, angular_rad_s=np.zeros(3),
+                acceleration_m_s2=R_level_base.T @ [0.0, 0.0, _GRAVITY_M_S2], quat_xyzw=quaternion.from_matrix(R_level_base),
+                topic=_IMU,
             )  # fmt: skip
         if self.plan.landmarks and node.id in session.landmarks:
             seen = []

@@ -127,6 +127,8 @@ def _offer(first: StoredSession, sessions: Sequence[StoredSession], asked: Senso
         num_laser_scans=int(ranges and scan is not None and scan.planar),
         num_point_clouds=int(ranges and scan is not None and not scan.planar),
         odometry=asked.names.odometry != NONE and first.has_odometry,
+        imu=asked.names.imu != NONE and any(session.gravity for session in sessions),
+        imu_placed=True,
         landmarks=asked.names.landmarks != NONE and any(session.landmarks for session in sessions),
         mode=asked.mode,
         cameras=frozenset(modes),

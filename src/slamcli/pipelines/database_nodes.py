@@ -46,6 +46,8 @@ class StoredSession:
     """Of the first node that has one."""
     landmarks: dict[int, list[Link]] = field(default_factory=dict)
     """Links to landmarks, by node."""
+    gravity: dict[int, NDArray[np.float64]] = field(default_factory=dict)
+    """float64 (3, 3), rotation of the base in a level frame, by node."""
 
     @property
     def has_odometry(self) -> bool:
@@ -75,6 +77,7 @@ def sessions_of(
     for link in links:
         if link.kind == LinkKind.LANDMARK:
             landmarks.setdefault(link.from_id, []).append(link)
+    gravity = {link.from_id: link.T_from_to[:3, :3] for link in links if link.kind == LinkKind.GRAVITY}
     for map_id in dict.fromkeys(table.map_ids.tolist()):
         chosen = np.flatnonzero((table.map_ids == map_id) & (table.weights != _UNUSED))
         if not len(chosen):
@@ -102,6 +105,7 @@ def sessions_of(
         yield StoredSession(
             path=database.path, map_id=int(map_id), database=database, nodes=tuple(nodes), images=images,
             num_cameras=cameras, scan=scan, landmarks={n.id: landmarks[n.id] for n in nodes if n.id in landmarks},
+            gravity={n.id: gravity[n.id] for n in nodes if n.id in gravity},
         )  # fmt: skip
 
 

@@ -179,7 +179,10 @@ class ClosureCheck:
         if limit <= 0 or graph.max_ratio <= limit:
             self._blamed = None
             return Verdict(graph=graph, accepted=tuple(new), refused=(), ratio=graph.max_ratio)
-        mended = self._repaired(optimise, links, new, graph) or self._without_proximity(optimise, links, new, graph)
+        try:
+            mended = self._repaired(optimise, links, new, graph) or self._without_proximity(optimise, links, new, graph)
+        except EstimationError:
+            mended = None
         if mended is not None:
             self._blamed = None
             return mended

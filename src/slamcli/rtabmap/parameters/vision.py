@@ -9,7 +9,7 @@ from typing import Any
 from slamcli.parameters import parameter
 from slamcli.rtabmap.parameters.declaring import choice, count, length, number, region, share, switch, text
 
-FEATURES = {8: "GFTT/ORB", 10: "ORB-OCTREE", 2: "ORB", 6: "GFTT/BRIEF (ORB's pairs, not turned)"}
+FEATURES = {8: "GFTT/ORB", 10: "ORB-OCTREE", 2: "ORB", 6: "GFTT/BRIEF by ORB's pairs"}
 NOT_HERE = {
     0: "SURF", 1: "SIFT", 3: "FAST/FREAK", 4: "FAST/BRIEF", 5: "GFTT/FREAK", 7: "BRISK", 9: "KAZE",
     11: "SuperPoint", 12: "SURF/FREAK", 13: "GFTT/DAISY", 14: "SURF/DAISY", 15: "PyDetector",
