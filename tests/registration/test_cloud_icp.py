@@ -66,7 +66,9 @@ def test_trimming_leaves_out_what_stands_in_the_room_now() -> None:
     rng = np.random.default_rng(3)
     shadow = target[np.abs(target[:, 1] - 2.2) < 0.05] + [0.0, -0.4, 0.0]  # someone holds a screen before a wall
     source = np.vstack([source, shadow[: len(shadow) * 3 // 4] + rng.normal(0.0, 0.005, (len(shadow) * 3 // 4, 3))])
-    plain, trimmed = (align_clouds(target, source, np.eye(4), replace(SETTINGS, trimmed=share)) for share in (1.0, 0.85))
+    plain, trimmed = (
+        align_clouds(target, source, np.eye(4), replace(SETTINGS, trimmed=share)) for share in (1.0, 0.85)
+    )
     errors = [float(np.linalg.norm(found.T_target_source[:3, 3] - T[:3, 3])) for found in (plain, trimmed)]
     assert errors[1] < 0.005
     assert errors[1] < 0.5 * errors[0]
