@@ -39,7 +39,7 @@ def merged_room() -> MergedScans:
 @pytest.mark.parametrize("pose", [(4.4, 3.4, 0.5), (3.2, 2.8, -1.0), (6.0, 2.0, 3.1)])
 def test_a_scan_is_aligned_near_its_guess(pose: tuple[float, float, float]) -> None:
     true = np.array(pose)
-    found = merged_room().align(scan_of(scene(ROOM), true, 7), true + [0.06, -0.05, 0.02], SIGMAS)
+    found = merged_room().align(scan_of(scene(ROOM), true, 7), true + np.array([0.06, -0.05, 0.02]), SIGMAS)
     error = se2.between(true, found.pose)
     assert np.hypot(error[0], error[1]) < 0.01
     assert abs(error[2]) < 0.003
