@@ -80,6 +80,11 @@ class Memory:
         return self._store is not None and (self._rtabmap.memory_thr > 0 or self._rtabmap.time_thr > 0.0)
 
     @property
+    def held(self) -> frozenset[int] | None:
+        """Ids of all nodes in memory; None where memory is not bounded: then the whole graph counts."""
+        return frozenset(self._held.signatures) if self.bounded else None
+
+    @property
     def short_term(self) -> list[int]:
         """Ids in short-term memory, oldest first."""
         return list(self._short_term)
@@ -231,15 +236,21 @@ class Memory:
                 self.forget(oldest)
                 reduced.append((oldest, held_by))
             else:
-                self._short_term.pop(0)
-                self._use(oldest)
+                self._outlive(oldest)
         return tuple(reduced)
 
     def begin_session(self) -> None:
         """Move all of short-term memory into working memory: what comes next is another session, which may be elsewhere."""
-        for node in self._short_term:
+        for node in self.short_term:
+            self._outlive(node)
+
+    def _outlive(self, node: int) -> None:
+        """Move a node from short-term memory into working memory; where the map is fixed it is forgotten, but for its place."""
+        if self._mem.incremental_memory:
+            self._short_term.remove(node)
             self._use(node)
-        self._short_term = []
+        else:
+            self._release(node)
 
     def forget(self, node_id: int) -> None:
         """Take a node out of memory for good; the graph and the database are the caller's."""

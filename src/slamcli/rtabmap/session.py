@@ -14,6 +14,7 @@ from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.gravity import gravity_link
+from slamcli.rtabmap.graph import OptimisedGraph
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping
 from slamcli.rtabmap.links import Link, LinkKind
@@ -142,7 +143,7 @@ class Session:
 
     def _merge(self, gone: int, kept: int) -> None:
         """Let one node stand for another that saw the same."""
-        old = [link for link in self.graph.links if gone in (link.from_id, link.to_id)]
+        old = list(self.graph.links_of(gone))
         before = len(self.graph.links) - len(old)
         self.graph.merge(gone, kept)
         self.keeping.unlink(old)
@@ -224,7 +225,7 @@ class Session:
         self.closing.note(proposals, verdict)
         if verdict.graph is None:
             return [], 0
-        self.graph.place(ids, verdict.graph.T_map_base)
+        self._place(verdict.graph)
         taken = {(link.from_id, link.to_id) for link in verdict.accepted}
         accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
         for proposal in accepted:
@@ -247,7 +248,7 @@ class Session:
     def _scope(self, ends: Sequence[int], *, everything: bool = False) -> list[int]:
         """Return which nodes an optimisation moves: those tied to some nodes by links, among what the memory holds."""
         bounded = self.memory.bounded and not everything
-        held = {*self.memory.short_term, *self.memory.working, *ends} if bounded else None
+        held = {*(self.memory.held or ()), *ends} if bounded else None
         found: set[int] = set()
         for end in ends:
             if end not in found:
@@ -259,14 +260,23 @@ class Session:
         waiting = set(self.graph.nodes)
         while waiting:
             ids = self.graph.component(min(waiting))
-            self.graph.place(ids, self.closing.optimise(ids, self.graph).T_map_base)
+            if not set(ids) <= self.closing.fixed.ids:
+                self._place(self.closing.optimise(ids, self.graph))
             waiting -= set(ids)
+
+    def _place(self, optimised: OptimisedGraph) -> None:
+        """Take over where nodes are; those of a fixed map stay, to the last bit."""
+        fixed = self.closing.fixed.ids
+        rows = [row for row, node_id in enumerate(optimised.ids) if node_id not in fixed]
+        self.graph.place([optimised.ids[row] for row in rows], optimised.T_map_base[rows])
 
     def _use_final_odometry(self, track: FrameTrack) -> None:
         """Measure the links between neighbours anew by what odometry knows in the end."""
         if not track.refined:
             return
-        for link in list(self.graph.links):
+        better: list[tuple[Link, Link]] = []
+        for link in self.graph.links:
             first, second = track.node_pose(link.from_id), track.node_pose(link.to_id)
             if link.kind in (LinkKind.NEIGHBOR, LinkKind.NEIGHBOR_MERGED) and first is not None and second is not None:
-                self.graph.replace_link(link, replace(link, T_from_to=se3.inverse(first) @ second))
+                better.append((link, replace(link, T_from_to=se3.inverse(first) @ second)))
+        self.graph.replace_links(better)

@@ -13,6 +13,7 @@ from slamcli.mapper import Setup
 from slamcli.rtabmap.closing import Closing
 from slamcli.rtabmap.database import Database, StorageSettings
 from slamcli.rtabmap.dictionary_file import Words, read_dictionary
+from slamcli.rtabmap.fixed_map import FixedMap
 from slamcli.rtabmap.fronts import Front
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping, parameters_text
@@ -39,7 +40,9 @@ def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> S
     graph = MapGraph()
     if setup.database is not None and setup.database.append:
         restore(database, graph, memory)
-    closing = Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed)
+    known = () if parameters.mem.incremental_memory else graph.T_map_base
+    fixed = FixedMap(tuple(known), sigma=parameters.rgbd.localization_prior_error)
+    closing = Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed, fixed)
     keeping = Keeping(database, parameters)
     detector = LoopDetector(parameters, memory, seed=setup.seed)
     return Session(
