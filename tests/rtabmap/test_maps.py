@@ -10,7 +10,7 @@ import pytest
 
 from slamcli.errors import ConfigError
 from slamcli.parameters import as_dict, resolve
-from slamcli.rtabmap.grid_settings import assembly_settings, local_grid_settings
+from slamcli.rtabmap.grid_settings import above_floor, assembly_settings, local_grid_settings
 from slamcli.rtabmap.maps import build_maps
 from slamcli.rtabmap.node_points import colours_at, with_depth
 from slamcli.rtabmap.parameters import RtabmapParameters
@@ -139,6 +139,18 @@ def test_depth_of_a_stereo_pair():
     assert with_depth(replace(images, right=None)) is None
     assert with_depth(None) is None
     assert with_depth(wall()).depth is not None
+
+
+def test_limits_follow_from_the_floor_where_the_user_left_them_alone():
+    settings = local_grid_settings(parameters())
+    above = above_floor(settings, -1.5)
+    assert (above.ground.max_ground_height_m, above.max_obstacle_height_m) == pytest.approx((-1.35, 0.5))
+    assert above.map_frame_projection
+    assert above_floor(settings, -2.0).max_obstacle_height_m == 1e-6
+    for name, value in (("MaxObstacleHeight", 1.0), ("MapFrameProjection", True), ("MaxGroundHeight", 0.2)):
+        given = local_grid_settings(parameters(**{f"Grid__{name}": value}))
+        assert above_floor(given, -1.5) == given
+    assert local_grid_settings(parameters(Grid__MaxObstacleHeight=-1.0)).max_obstacle_height_m == 0.0
 
 
 def test_settings_that_exclude_each_other_are_off():

@@ -185,7 +185,7 @@ def _of_points(
     kept = ~_of_robot(level, settings.footprint_m)
     if settings.min_ground_height_m != 0.0 and not all_obstacles:
         kept &= heights >= settings.min_ground_height_m
-    if settings.max_obstacle_height_m > 0.0:
+    if settings.max_obstacle_height_m != 0.0:
         kept &= heights <= settings.max_obstacle_height_m
     level = level[kept]
     ground, obstacles = _segmented(level, seen_from, lift, settings, all_obstacles)

@@ -14,7 +14,7 @@ from slamcli.grids.octree import Octree
 from slamcli.grids.voxel_odds import VoxelOdds
 from slamcli.measurements import PointCloud
 from slamcli.rtabmap.assembly import GridAssembly
-from slamcli.rtabmap.grid_settings import assembly_settings, local_grid_settings
+from slamcli.rtabmap.grid_settings import above_floor, assembly_settings, local_grid_settings
 from slamcli.rtabmap.local_grid import SCAN, LocalGrid, LocalGridSettings, local_grid
 from slamcli.rtabmap.node_cloud import NodeCloud
 from slamcli.rtabmap.node_points import moved, with_depth
@@ -23,8 +23,6 @@ from slamcli.rtabmap.signature import NodeImages, NodeScan
 
 Sensors = Callable[[int], tuple[NodeImages | None, NodeScan | None]]
 Keep = Callable[[int, LocalGrid], None]
-
-_STEP_M = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +58,8 @@ def build_maps(
     octree
         Whether to make an octree; otherwise there is one only where ``Grid/3D`` and ``Grid/RayTracing`` are on.
     floor_m
-        z of the floor in the map, where the cameras were held by hand and their height above it is not known otherwise. Unless
-        ``Grid/MaxGroundHeight`` is set, ground lies no higher than a step above it then: tables are obstacles.
+        z of the floor in the map, where the cameras were held by hand and their height above it is not known otherwise;
+        see `slamcli.rtabmap.grid_settings.above_floor`.
     keep
         Takes each node's local grid, for the database.
 
@@ -73,9 +71,8 @@ def build_maps(
     poses = np.array([T for _, T in ordered], dtype=np.float64).reshape(-1, 4, 4)
     chosen = assembly_settings(parameters).chosen(poses)
     settings = local_grid_settings(parameters)
-    if floor_m is not None and settings.ground.max_ground_height_m == 0.0:
-        ground = replace(settings.ground, max_ground_height_m=floor_m + _STEP_M)
-        settings = replace(settings, map_frame_projection=True, ground=ground)
+    if floor_m is not None:
+        settings = above_floor(settings, floor_m)
     making = _Making(parameters, settings, octree or (settings.spatial and settings.ray_tracing), keep)
     for row in chosen.tolist():
         node_id, T_map_base = ordered[row]

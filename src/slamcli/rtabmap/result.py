@@ -23,7 +23,7 @@ from slamcli.rtabmap.node_views import NodeViews
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.session import Session
 from slamcli.rtabmap.signature import NodeImages, NodeScan
-from slamcli.rtabmap.turning_upright import find_upright
+from slamcli.rtabmap.turning_upright import find_level_floor, find_upright
 from slamcli.rtabmap.update_record import columns
 from slamcli.trajectory import Trajectory
 
@@ -131,15 +131,14 @@ def _turn_upright(session: Session, ids: list[int], setup: Setup) -> tuple[str, 
     """Turn the map so that z is up, unless its base is known to be upright; return what told it, and z of the floor if that did."""
     graph = session.graph
     known = setup.rig is None or setup.rig.base_is_upright
-    if known or ids[0] not in session.own_nodes:
-        return "base" if known else "database", None
-    if any(link.kind == LinkKind.GRAVITY for link in graph.links_among(ids)):
-        return "imu", None
+    if known:
+        return "base", None
     T_map_base = np.array([graph.T_map_base[node_id] for node_id in ids])
-    T_base_camera = session.closing.T_base_camera
-    T_up_map, found = find_upright(
-        ids, T_map_base, T_base_camera, partial(_sensors, session.keeping.database), setup.seed
-    )
+    sensors = partial(_sensors, session.keeping.database)
+    level = any(link.kind == LinkKind.GRAVITY for link in graph.links_among(ids))
+    if level or ids[0] not in session.own_nodes:
+        return "imu" if level else "database", find_level_floor(ids, T_map_base, sensors, setup.seed)
+    T_up_map, found = find_upright(ids, T_map_base, session.closing.T_base_camera, sensors, setup.seed)
     graph.place(ids, T_up_map @ T_map_base)
     return found.source, found.floor_m
 

@@ -9,20 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se3
+from slamcli.grids.floor import find_floor
 from slamcli.grids.upright import Upright, upright
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 
 Floats = NDArray[np.float64]
+Sensors = Callable[[int], tuple[NodeImages | None, NodeScan | None]]
 
 _MOST_NODES = 40
 """Whose depth images are looked at, spread over the map."""
 _STEP = 8
 """One pixel in so many along both sides is looked at."""
+_TILT_RAD = 0.1
+"""How far a level floor may slope, and what told up may be wrong."""
 
 
 def find_upright(
     ids: Sequence[int], T_map_base: Floats, T_base_camera: Floats,
-    sensors: Callable[[int], tuple[NodeImages | None, NodeScan | None]], seed: int,
+    sensors: Sensors, seed: int,
 ) -> tuple[Floats, Upright]:  # fmt: skip
     """Return how a map is to be turned, T_up_map (4, 4), so that z is up and the first camera looks along x; what told it.
 
@@ -39,12 +43,23 @@ def find_upright(
     """
     T_map_camera = T_map_base @ T_base_camera
     T_first_map = se3.inverse(T_map_camera[0])
-    rows = np.unique(np.rint(np.linspace(0, len(ids) - 1, min(_MOST_NODES, len(ids)))).astype(np.int64))
-    seen = [_points(sensors(ids[row])[0]) @ T_map_base[row][:3, :3].T + T_map_base[row][:3, 3] for row in rows.tolist()]
-    points = np.concatenate(seen) @ T_first_map[:3, :3].T + T_first_map[:3, 3]
+    points = _seen(ids, T_map_base, sensors) @ T_first_map[:3, :3].T + T_first_map[:3, 3]
     T_camera_first = se3.inverse(T_first_map @ T_map_camera)
     found = upright(T_camera_first, points, T_base_camera=None, gravity=None, seed=seed)
     return found.T_map_start @ T_first_map, found
+
+
+def find_level_floor(ids: Sequence[int], T_map_base: Floats, sensors: Sensors, seed: int) -> float | None:
+    """Return z of the floor of a map whose z is up; None where none is seen. Arguments as of `find_upright`."""
+    found = find_floor(_seen(ids, T_map_base, sensors), np.array([0.0, 0.0, 1.0]), tilt_rad=_TILT_RAD, seed=seed)
+    return None if found is None else found.height_m
+
+
+def _seen(ids: Sequence[int], T_map_base: Floats, sensors: Sensors) -> Floats:
+    """Return what the depth images of some nodes show, (M, 3), metres, map frame."""
+    rows = np.unique(np.rint(np.linspace(0, len(ids) - 1, min(_MOST_NODES, len(ids)))).astype(np.int64))
+    seen = [_points(sensors(ids[row])[0]) @ T_map_base[row][:3, :3].T + T_map_base[row][:3, 3] for row in rows.tolist()]
+    return np.concatenate(seen)
 
 
 def _points(images: NodeImages | None) -> Floats:
