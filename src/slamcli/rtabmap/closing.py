@@ -22,6 +22,7 @@ from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_rate import motion_size
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.registration import Registration, refused
+from slamcli.rtabmap.scan_joining import ScanJoining
 from slamcli.rtabmap.scan_proximity import ScanProximity
 from slamcli.rtabmap.scan_registration import refined_by_scans, refined_motion
 from slamcli.rtabmap.scan_settings import ScanSettings
@@ -82,15 +83,19 @@ class Closing:
         self._optimiser = GraphOptimiser(replace(settings, priors_ignored=False) if self.fixed.ids else settings)
         self._scan_settings = ScanSettings.of(parameters)
         self._scan_proximity = ScanProximity(parameters)
+        self._joining = ScanJoining(parameters, lambda node_id: memory.recall(node_id).scan)
         self._localising = bool(self.fixed.ids)
-        self._check = ClosureCheck(
-            parameters.rgbd, robust=parameters.optimizer.robust, localising=self._localising
-        )
+        self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust, localising=self._localising)
         markers = parameters.rgbd.marker_detection and camera is not None
         self._markers = MarkerFinder(parameters.marker) if markers else None
         self._marker_priors = {link.from_id: link for link in prior_links(parameters.marker)} if markers else {}
         self.records: list[ClosureRecord] = []
         """Places that were compared, with what came of it."""
+
+    @property
+    def sees(self) -> bool:
+        """Whether the robot has a camera."""
+        return self._camera is not None
 
     def optimise(self, ids: Sequence[int], graph: MapGraph, links: Sequence[Link] | None = None) -> OptimisedGraph:
         """Return where links among some nodes agree best, all that the graph has unless told; nothing is changed.
@@ -200,7 +205,17 @@ class Closing:
         found = (
             self._proposal(match.near_id, node, match.kind, match.registration, by_scans=True) for match in matches
         )
-        return [proposal for proposal in found if proposal is not None]
+        return [*self._joined_by_scans(node, graph), *(proposal for proposal in found if proposal is not None)]
+
+    def _joined_by_scans(self, node: Signature, graph: MapGraph) -> list[Proposal]:
+        """Return the closure with an older map that nothing ties this one to yet, where scans are all there is."""
+        joining = self._joining.closure(node.id, graph, self._memory.working) if self._camera is None else None
+        if joining is None:
+            return []
+        proposal = self._proposal(
+            joining.old_id, node, LinkKind.LOCAL_SPACE_CLOSURE, joining.registration, by_scans=True
+        )
+        return [] if proposal is None else [proposal]
 
     def _scan_of(self, node_id: int) -> NodeScan | None:
         held = self._memory.signature(node_id)

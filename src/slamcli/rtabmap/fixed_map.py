@@ -54,9 +54,7 @@ class FixedMap:
         """
         own = {node_id for node_id in ids if node_id not in self.ids}
         used = [
-            link
-            for link in links
-            if (link.from_id in own or link.to_id in own) and link.kind != LinkKind.POSE_PRIOR
+            link for link in links if (link.from_id in own or link.to_id in own) and link.kind != LinkKind.POSE_PRIOR
         ]
         tied = {end for link in used for end in (link.from_id, link.to_id)} | own
         rows = [row for row, node_id in enumerate(ids) if node_id in tied]

@@ -70,9 +70,10 @@ class MapGraph:
             self._linked[end] = [better.get(id(link), link) for link in links]
 
     def remove_node(self, node_id: int) -> None:
-        """Take out a node that nothing is tied to; links with itself go along."""
+        """Take out a node or landmark, and its links."""
         self.remove_links(self._linked[node_id])
-        del self.nodes[node_id], self.T_map_base[node_id], self._linked[node_id]
+        self.nodes.pop(node_id, None)
+        del self.T_map_base[node_id], self._linked[node_id]
 
     def merge(self, gone: int, kept: int) -> None:
         """Take a node out of the graph whose place another one holds; its links lead there now (RTAB-Map: neighbour merged)."""
@@ -128,7 +129,9 @@ class MapGraph:
         """Return the poses of some nodes and the links among them; of all nodes and landmarks where `ids` is None."""
         if ids is None:
             return self.T_map_base, self.links
-        return {node_id: self.T_map_base[node_id] for node_id in ids if node_id in self.T_map_base}, self.links_among(ids)
+        return {node_id: self.T_map_base[node_id] for node_id in ids if node_id in self.T_map_base}, self.links_among(
+            ids
+        )
 
     def place(self, ids: Sequence[int], T_map_base: Floats) -> None:
         """Set the poses (N, 4, 4) of some nodes."""

@@ -53,12 +53,8 @@ class Memory:
     """
 
     def __init__(self, parameters: RtabmapParameters, store: LongTermStore | None = None) -> None:
-        self._rtabmap, self._mem, self._kp, self._rgbd = (
-            parameters.rtabmap,
-            parameters.mem,
-            parameters.kp,
-            parameters.rgbd,
-        )
+        p = parameters
+        self._rtabmap, self._mem, self._kp, self._rgbd = p.rtabmap, p.mem, p.kp, p.rgbd
         self._store = store
         self.dictionary = Dictionary(dictionary_settings(parameters.kp))
         self._reach = len(parameters.bayes.prediction) - 1
@@ -245,12 +241,12 @@ class Memory:
             self._outlive(node)
 
     def _outlive(self, node: int) -> None:
-        """Move a node from short-term memory into working memory; where the map is fixed it is forgotten, but for its place."""
-        if self._mem.incremental_memory:
-            self._short_term.remove(node)
-            self._use(node)
-        else:
-            self._release(node)
+        """Move a node from short-term memory into working memory; where the map is fixed it goes."""
+        if not self._mem.incremental_memory:
+            self.forget(node)
+            return
+        self._short_term.remove(node)
+        self._use(node)
 
     def forget(self, node_id: int) -> None:
         """Take a node out of memory for good; the graph and the database are the caller's."""
@@ -322,7 +318,9 @@ class Memory:
             in_time = search(in_time=True)
             self._immune.update(node for node in in_time if node not in self._short_term)
             wanted += in_time + search(in_time=False)
-        absent = [node for node in dict.fromkeys(wanted) if node not in self._held.signatures][:most]
+        there = self._held
+        absent = [node for node in dict.fromkeys(wanted) if node in there.weights and node not in there.signatures]
+        absent = absent[:most]
         self._bring_back(absent)
         self._immune.update(absent)
         return absent
@@ -363,14 +361,7 @@ class Memory:
             self._release(node)
         return gone
 
-    def restore(
-        self,
-        weights: Mapping[int, int],
-        working: Collection[int],
-        *,
-        last_word: int = 0,
-        known: Collection[int] | None = None,
-    ) -> None:
+    def restore(self, weights: Mapping[int, int], working: Collection[int], *, last_word: int = 0) -> None:
         """Begin with the nodes of earlier sessions.
 
         Parameters
@@ -381,11 +372,9 @@ class Memory:
             Nodes that working memory begins with; with `Mem/InitWMWithAllNodes` all.
         last_word
             Highest number of a word that was given.
-        known
-            Nodes of the graph; None: those with a weight.
         """
         self._held.weights.update(weights)
-        self._num_known = len(weights if known is None else known)
+        self._num_known = len(weights)
         self.dictionary.last_id = max(self.dictionary.last_id, last_word)
         self._bring_back(sorted(weights if self._mem.init_wm_with_all_nodes else working))
         self._num_added = 0

@@ -170,9 +170,7 @@ class ScanProximity:
     ) -> tuple[tuple[int, ...], LocalScanMap | None]:
         """Return the merged scans of a path about a node, in that node's frame, and whose they are."""
         poses: Mapping[int, Floats] = (
-            _by_odometry(path, graph)
-            if self._rgbd.proximity_path_raw_poses_used and not whole
-            else graph.T_map_base
+            _by_odometry(path, graph) if self._rgbd.proximity_path_raw_poses_used and not whole else graph.T_map_base
         )
         ids = tuple(
             self._members(path, near_id, poses, len(path) if whole else self._rgbd.proximity_path_max_neighbors)

@@ -13,8 +13,8 @@ from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
 from slamcli.rtabmap.frame_track import FrameTrack
-from slamcli.rtabmap.gravity import gravity_link
 from slamcli.rtabmap.graph import OptimisedGraph
+from slamcli.rtabmap.gravity import gravity_link
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping
 from slamcli.rtabmap.links import Link, LinkKind
@@ -73,6 +73,11 @@ class Session:
         """Ids of the nodes of this run, increasing."""
         return [node_id for node_id in self.graph.nodes if node_id >= self._first_id]
 
+    @property
+    def localising(self) -> bool:
+        """Whether the map is fixed."""
+        return not self.parameters.mem.incremental_memory
+
     def update(self, node: NodeInput) -> int | None:
         """Take what may become a node; return its id, or None if the robot has not moved since the last one."""
         signature = self._signature(node)
@@ -81,8 +86,10 @@ class Session:
             return None
         if self._is_useless(signature):
             return None
+        waits = self._waits()
         self._extend(signature, node)
-        self.keeping.add(signature, node)
+        if not waits:
+            self.keeping.add(signature, node)
         added = self.memory.add(signature, self.graph)
         for gone, kept in added.reduced:
             self._merge(gone, kept)
@@ -98,6 +105,11 @@ class Session:
             *self.closing.by_place(signature, self.graph),
         ]
         accepted, optimised = self._close(signature.id, proposals)
+        if waits and not accepted:
+            self._take_back(signature.id)
+            return None
+        if waits:
+            self.keeping.add(signature, node)
         work = update_work(
             signature, self.memory.sizes(), retrieved=len(retrieved), registrations=len(proposals), optimised=optimised
         )
@@ -119,6 +131,21 @@ class Session:
         )  # fmt: skip
         self.keeping.end_update(self.memory, self.records[-1])
         return signature.id
+
+    def _waits(self) -> bool:
+        """Return whether the next node is kept only if a closure ties it to a map (Rtabmap/StartNewMapOnLoopClosure)."""
+        wanted = self.parameters.rtabmap.start_new_map_on_loop_closure and not self.localising
+        return wanted and self._previous is None and bool(self.graph.nodes) and self.closing.sees
+
+    def _take_back(self, node_id: int) -> None:
+        """Forget a node that does not begin a map after all."""
+        self.keeping.unlink(self.graph.links_of(node_id))
+        self.memory.forget(node_id)
+        for landmark in [other for other in self.graph.neighbours(node_id) if other < 0]:
+            if self.graph.neighbours(landmark) == [node_id]:
+                self.graph.remove_node(landmark)
+        self.graph.remove_node(node_id)
+        self._next_id -= 1
 
     def finish(self, track: FrameTrack) -> None:
         """Tie nodes by the odometry as it is known in the end, look once more for places, and optimise everything."""

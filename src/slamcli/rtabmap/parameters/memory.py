@@ -142,7 +142,7 @@ class MemGroup:
     localization_data_saved: bool = switch(
         "LocalizationDataSaved",
         False,
-        "store nodes of a localisation too; here they are in the result's own database",
+        "store nodes of a localisation too; here the database stays as it is: map with --database to add them",
         effective=False,
     )
     reduce_graph: bool = switch("ReduceGraph", False, "drop a node that closed a loop: its links go to the other one")
