@@ -4,16 +4,19 @@
     python benchmarks/appearance_memory.py words ../shared/data/visual/redkitchen/*.color.jpg [--words 200000]
     python benchmarks/appearance_memory.py nodes [--words 200000] [--counts 100 1000 5000]
     python benchmarks/appearance_memory.py places ../shared/data/visual/redkitchen/*.color.jpg [--every 8]
+    python benchmarks/appearance_memory.py laps ../shared/data/visual/redkitchen/*.color.jpg [--every 8] [--memory-thr 30] [--count 6]
 
 `words` makes a dictionary of the pictures' descriptors, all but every 100th picture's, and compares the index with brute force for
 the others. `nodes` fills a memory with made-up places that show words of one pool and measures updates. `places` goes through the
-pictures twice, the second time between those of the first, and prints the posterior of being where it was the first time.
+pictures twice, the second time between those of the first, and prints the posterior of being where it was the first time. `laps` goes
+through them again and again with a bound on working memory; accepted hypotheses within 16 pictures become closures.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,21 +54,30 @@ def made_up(descriptors: np.ndarray) -> Features:
 class Robot:
     """A memory and a graph that grows by a node a metre."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory_thr: int = 0) -> None:
         parameters = RtabmapParameters()
-        self.memory, self.graph = Memory(parameters), MapGraph()
+        parameters = replace(parameters, rtabmap=replace(parameters.rtabmap, memory_thr=memory_thr))
+        self.nodes: dict[int, Signature] = {}
+        self.words: dict[int, np.ndarray] = {}
+        self.memory, self.graph = Memory(parameters, self), MapGraph()
         self.detector = LoopDetector(parameters, self.memory, seed=0)
         self.count = 0
         self.seconds: dict[str, float] = {}
 
-    def see(self, features: Features, words: np.ndarray | None = None):
+    def read_signature(self, node_id: int) -> Signature:
+        return self.nodes[node_id]
+
+    def read_words(self, ids: np.ndarray):
+        return ids, np.array([self.words[word] for word in ids.tolist()], np.uint8).reshape(-1, 32)
+
+    def see(self, features: Features, words: np.ndarray | None = None, x: float | None = None):
         """Return the hypothesis; `seconds` says what took how long. With the words given, the node is only added."""
         start = time.perf_counter()
         given = self.memory.words_of(features) if words is None else words
         self.seconds = {"words": time.perf_counter() - start}
         self.count += 1
         pose = np.eye(4)
-        pose[0, 3] = self.count
+        pose[0, 3] = self.count if x is None else x
         signature = Signature(
             id=self.count, map_id=0, stamp_ns=self.count, T_odom_base=pose, features=features,
             points=np.zeros((len(features), 3)), word_ids=given,
@@ -167,13 +179,43 @@ def places(pictures: list[Path], every: int) -> None:
     print(f"{right} of {len(second)} places known again, {np.median(taken):.1f} ms an update")
 
 
+def laps(pictures: list[Path], every: int, memory_thr: int, count: int) -> None:
+    robot, seen = Robot(memory_thr), {}
+    for lap in range(count):
+        right, retrieved, sizes, taken = 0, 0, [], []
+        for row in range(lap % every, len(pictures), every):
+            features = strongest(pictures[row], FEATURES)
+            start = time.process_time()
+            found = robot.see(features, x=0.05 * row)
+            node = robot.count
+            robot.nodes[node], seen[node] = robot.memory.recall(node), row
+            retrieved += len(robot.memory.retrieve(found.node, robot.graph, here=node))
+            if found.accepted and abs(seen[found.node] - row) <= 16:
+                right += 1
+                if not robot.graph.are_linked(found.node, node):
+                    robot.tie(found.node, node, LinkKind.GLOBAL_CLOSURE)
+                    robot.memory.closed(found.node, node)
+            robot.memory.transfer(robot.graph)
+            taken.append(1e3 * (time.process_time() - start))
+            made, descriptors = robot.memory.dictionary.take_made()
+            robot.words.update(zip(made.tolist(), descriptors, strict=True))
+            sizes.append(robot.memory.sizes())
+        print(
+            f"lap {lap + 1}: {right} of {len(taken)} places known again, {retrieved} nodes retrieved, at most "
+            f"{max(size.working for size in sizes)} in working memory and {max(size.words for size in sizes)} words, "
+            f"{sizes[-1].long_term} in long-term memory; {np.median(taken):.1f} ms CPU an update"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("words", "nodes", "places"))
+    parser.add_argument("what", choices=("words", "nodes", "places", "laps"))
     parser.add_argument("pictures", nargs="*", type=Path)
     parser.add_argument("--words", type=int, default=200_000)
     parser.add_argument("--counts", type=int, nargs="+", default=[100, 1000, 5000])
     parser.add_argument("--every", type=int, default=8)
+    parser.add_argument("--memory-thr", type=int, default=30)
+    parser.add_argument("--count", type=int, default=6)
     options = parser.parse_args()
     if options.what == "nodes":
         nodes(options.words, sorted(options.counts))
@@ -181,6 +223,8 @@ def main() -> None:
         parser.error("name the pictures")
     elif options.what == "words":
         words(options.pictures, options.words)
+    elif options.what == "laps":
+        laps(options.pictures, options.every, options.memory_thr, options.count)
     else:
         places(options.pictures, options.every)
 

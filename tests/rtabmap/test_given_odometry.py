@@ -73,3 +73,27 @@ def test_rate_and_motion() -> None:
     flat = flattened(tilted)
     assert flat[2, 3] == 0.0
     assert flat[2, 2] == 1.0
+
+
+def test_a_sample_is_itself_whenever_it_is_asked_for() -> None:
+    given = GivenOdometry()
+    rng = np.random.default_rng(3)
+    samples = []
+    for i in range(6):
+        quat = rng.standard_normal(4)
+        samples.append(
+            Odometry(
+                stamp_ns=i * 400_000_000,
+                frame_id="odom",
+                child_frame_id="base",
+                position_m=rng.standard_normal(3),
+                quat_xyzw=quat / np.linalg.norm(quat),
+            )
+        )
+    at_once = []
+    for sample in samples:
+        given.add(sample)
+        at_once.append(given.at(sample.stamp_ns))
+    for sample, pose in zip(samples, at_once, strict=True):
+        assert pose is not None
+        np.testing.assert_array_equal(given.at(sample.stamp_ns), pose)

@@ -153,7 +153,8 @@ def _with_stored(config: NativeConfig, database: Database, log: RunLog, *, own_o
         except ConfigError:
             unfit.append(f"{name} {text}")
     values = as_dict(config.parameters)
-    changed = [f"{name} {stored[name]}" for name in stored if stored[name] != values[name]]
+    texts = database.parameters()
+    changed = [f"{name} {texts[name]}" for name in stored if stored[name] != values[name]]
     told = f", of which {len(changed)} differ from the defaults: {', '.join(changed[:8])}{' …' if len(changed) > 8 else ''}"
     if stored:
         log.note(

@@ -62,8 +62,10 @@ class GivenOdometry:
             return self._poses[end] if abs(stamp_ns - self._stamps[end]) <= _LONGEST_GAP_NS // 10 else None
         after = bisect_right(self._stamps, stamp_ns)
         first, last = self._stamps[after - 1], self._stamps[after]
+        if stamp_ns == first:  # the sample itself, to the bit, however much later it is asked for
+            return self._poses[after - 1]
         if last - first > _LONGEST_GAP_NS:
-            return self._poses[after - 1] if stamp_ns == first else None
+            return None
         share = (stamp_ns - first) / (last - first)
         a, b = self._poses[after - 1], self._poses[after]
         position, quats = se3.to_position_quaternion(np.array([a, b]))

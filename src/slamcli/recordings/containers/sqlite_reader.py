@@ -119,7 +119,7 @@ class SqliteVolume:
                 )
             known = ", ".join(sorted(map(str, tables))) or "none"
             raise RecordingError(
-                f"{self._path}: a database but no ROS 2 bag: it has no tables 'topics' and 'messages' (tables: {known})"
+                f"{self._path}: a database but no ROS 2 bag: it has no tables 'topics' and 'messages', nor those of RTAB-Map (tables: {known})"
             )
         topics = self._read_topics("message_definitions" in tables)
         counts = self._list_rows(set(topics))

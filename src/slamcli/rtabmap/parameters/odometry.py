@@ -81,10 +81,11 @@ class OdomF2mGroup:
     init_depth_factor: float = number(
         "InitDepthFactor",
         0.05,
-        "a key point without depth begins at this times the focal length in pixels",
+        "a key point without depth begins at this times the focal length; here it does not join the local map",
         "m/px",
         1e-6,
         1e3,
+        effective=False,
     )
     floor_threshold: float = number(
         "FloorThreshold", 0.0, "only points higher above the base frame are tracked; 0: all", "m", -1e6, 1e6
@@ -98,7 +99,10 @@ class OdomF2mGroup:
     )
     scan_range: float = length("ScanRange", 0.0, "points of the local map farther away are dropped; 0: the oldest are")
     valid_depth_ratio: float = share(
-        "ValidDepthRatio", 0.75, "key points without depth are added if at least this share of a frame's has depth"
+        "ValidDepthRatio",
+        0.75,
+        "key points without depth are added if this share of a frame's has depth; here they never are",
+        effective=False,
     )
     bundle_adjustment: int = choice(
         "BundleAdjustment", 1, "adjust the local map", {0: "no", 1: "yes", 2: "yes (cvsba)", 3: "yes (Ceres)"}
@@ -113,10 +117,16 @@ class OdomF2mGroup:
         "px",
     )
     bundle_adjustment_max_key_frames_per_feature: int = count(
-        "BundleAdjustmentMaxKeyFramesPerFeature", 0, "views of a point that count at most; 0: all", "frames"
+        "BundleAdjustmentMaxKeyFramesPerFeature",
+        0,
+        "views of a point that count at most; 0: all",
+        "frames",
     )
     bundle_update_feature_map_on_all_frames: bool = switch(
-        "BundleUpdateFeatureMapOnAllFrames", False, "points are adjusted on every frame, not on keyframes alone"
+        "BundleUpdateFeatureMapOnAllFrames",
+        False,
+        "points are adjusted on every frame; here on keyframes",
+        effective=False,
     )
 
 

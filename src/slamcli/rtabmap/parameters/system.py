@@ -15,7 +15,9 @@ from slamcli.rtabmap.parameters.declaring import choice, count, number, share, s
 class MarkerGroup:
     """``Marker``: of ``RGBD/MarkerDetection``."""
 
-    strategy: int = choice("Strategy", 0, "library that finds markers", {0: "OpenCV"}, {1: "the AprilTag library"})
+    strategy: int = choice(
+        "Strategy", 0, "library that finds markers", {0: "OpenCV"}, {1: "the AprilTag library"}, effective=False
+    )
     dictionary: int = count(
         "Dictionary", 0, "family of markers: 0-3 ArUco 4x4 (50, 100, 250, 1000), 4-7 5x5, 8-11 6x6, 12-15 7x7, 16 original, 17-20 AprilTag 16h5, 25h9, 36h10, 36h11",
         "", 0, 20,

@@ -168,7 +168,7 @@ class VisGroup:
     ssc: bool = switch("SSC", False, "spread key points evenly (suppression via square covering)")
     max_depth: float = length("MaxDepth", 0.0, "key points farther away are dropped; 0: none")
     min_depth: float = length("MinDepth", 0.0, "key points nearer are dropped")
-    depth_as_mask: bool = switch("DepthAsMask", True, "look for key points only where depth is known")
+    depth_as_mask: bool = switch("DepthAsMask", False, "look for key points only where depth is known")
     depth_mask_floor_thr: float = length(
         "DepthMaskFloorThr", 0.0, "no key points lower than this above the base frame's floor; 0: anywhere"
     )
@@ -196,7 +196,10 @@ class VisGroup:
         100_000,
     )
     cor_guess_match_to_projection: bool = switch(
-        "CorGuessMatchToProjection", False, "each key point looks for projected points; false: the other way round"
+        "CorGuessMatchToProjection",
+        False,
+        "each key point looks for projected points; here always the other way round",
+        effective=False,
     )
     cor_flow_win_size: int = _of_flow("CorFlowWinSize", 16)
     cor_flow_iterations: int = _of_flow("CorFlowIterations", 30)
