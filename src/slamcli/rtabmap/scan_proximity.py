@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -89,7 +89,8 @@ class ScanProximity:
         self._pending: list[_Pending] = []
 
     def links(
-        self, new_id: int, graph: MapGraph, scan_of: ScanOf, *, among: Collection[int], last_closure: int = 0, localising: bool = False
+        self, new_id: int, graph: MapGraph, scan_of: ScanOf, *, among: Collection[int], held: Collection[int] | None = None,
+        last_closure: int = 0, localising: bool = False,
     ) -> list[ScanProximityMatch]:  # fmt: skip
         """Return how a node's scan compares with the paths near it, accepted or not, newest path first.
 
@@ -99,6 +100,8 @@ class ScanProximity:
             With the node in it; poses are those of the last optimisation.
         among
             Nodes of working memory, without short-term memory.
+        held
+            Nodes of short-term and working memory: links among them alone are followed. None: all.
         last_closure
             Node that the robot was last found at; 0: none.
         localising
@@ -107,10 +110,11 @@ class ScanProximity:
         s, scan = self._rgbd, scan_of(new_id)
         if not s.proximity_by_space or s.proximity_path_max_neighbors <= 0 or scan is None or not len(scan.points):
             return []
-        paths = near_paths(new_id, graph.T_map_base, graph.links, s, among=among, last_closure=last_closure)
+        poses, tied = graph.part(held)
+        paths = near_paths(new_id, poses, tied, s, among=among, last_closure=last_closure)
         if not paths:
             return []
-        ways = WaysFromNode(new_id, graph.T_map_base, graph.links, self._variances)
+        ways = WaysFromNode(new_id, poses, tied, self._variances)
         if localising and s.proximity_global_scan_map:
             paths = [sorted(set().union(*paths))]
         matches: list[ScanProximityMatch] = []
@@ -169,10 +173,8 @@ class ScanProximity:
         self, path: list[int], near_id: int, graph: MapGraph, scan_of: ScanOf, *, whole: bool
     ) -> tuple[tuple[int, ...], LocalScanMap | None]:
         """Return the merged scans of a path about a node, in that node's frame, and whose they are."""
-        poses = (
-            _by_odometry(path, graph)
-            if self._rgbd.proximity_path_raw_poses_used and not whole
-            else dict(graph.T_map_base)
+        poses: Mapping[int, Floats] = (
+            _by_odometry(path, graph) if self._rgbd.proximity_path_raw_poses_used and not whole else graph.T_map_base
         )
         ids = tuple(
             self._members(path, near_id, poses, len(path) if whole else self._rgbd.proximity_path_max_neighbors)
@@ -195,7 +197,7 @@ class ScanProximity:
                 self._maps.popitem(last=False)
         return ids, merged
 
-    def _members(self, path: list[int], near_id: int, poses: dict[int, Floats], most: int) -> list[int]:
+    def _members(self, path: list[int], near_id: int, poses: Mapping[int, Floats], most: int) -> list[int]:
         """Return the node and those around it on the path, to both sides, that are a filtering radius apart."""
         spacing, middle = self._rgbd.proximity_path_filtering_radius, path.index(near_id)
         members = [near_id]
