@@ -90,9 +90,7 @@ def test_in_a_corridor_the_guess_holds_along_it() -> None:
     assert x == pytest.approx(0.55, abs=0.03)
     assert (y, yaw) == pytest.approx((0.0, 0.0), abs=0.01)
     assert found.covariance[0, 0] > 100.0 * found.covariance[1, 1]
-    refused = register_scans(
-        a, b, se3.from_se2([0.55, 0.05, 0.02]), settings(Icp_PointToPlaneLowComplexityStrategy=0)
-    )
+    refused = register_scans(a, b, se3.from_se2([0.55, 0.05, 0.02]), settings(Icp_PointToPlaneLowComplexityStrategy=0))
     assert "structural complexity" in refused.reason
 
 
