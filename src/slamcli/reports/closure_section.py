@@ -131,7 +131,7 @@ def _refused(closures: Sequence[PlaceClosure], axis: NodeAxis) -> str:
     rows = [
         (
             axis.named(one.node), axis.named(one.older_node), one.kind, f"{one.posterior:.2f}" if one.posterior else "",
-            f"{one.num_inliers:,} of {one.num_matches:,}" if one.num_matches else "", one.reason,
+            f"{one.num_inliers:,} of {one.num_matches:,}" if one.num_inliers else "", one.reason,
         )
         for one in nearest[:_MOST_ROWS]
     ]  # fmt: skip

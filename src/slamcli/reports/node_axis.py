@@ -50,7 +50,7 @@ class NodeAxis:
         seconds = self._seconds.get(node)
         if seconds is None:
             return f"{node}" if node in self._x_of else f"{node} (earlier)"
-        return f"{node} at {seconds:.1f} s"
+        return f"{node} at {seconds:.1f} s".replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _is_broken(stamps_ns: NDArray[np.int64]) -> bool:

@@ -68,7 +68,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         spatial=not settled.reg.force_3dof,
         keep_scans=True,
         clouds_as_scans=taken.flat and taken.num_clouds > 0,
-        samples_first=True,
+        samples_first=not _in_recorded_order(settled, taken),
         odometry=taken.odometry,
         imu=taken.imu,
         landmarks=offer.landmarks and not settled.optimizer.landmarks_ignored,
@@ -77,6 +77,15 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         map_frame=settled.node.map_frame_id,
         camera_mode=taken.cameras,
     )
+
+
+def _in_recorded_order(settled: RtabmapParameters, taken: _Taken) -> bool:
+    """Return whether planar scans are aligned when the recording has ended.
+
+    Where clocks run backwards again and again only the order in which scans and odometry were recorded tells which
+    belong together.
+    """
+    return taken.cameras is None and settled.slamcli.odometry == "scan" and settled.reg.force_3dof
 
 
 def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: RunLog) -> _Taken:
@@ -88,7 +97,13 @@ def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: Run
         log.note("point clouds are not used, there are scans (choose with --points-topic)")
         clouds = 0
     if cameras is None and scans + clouds and "mono" in offer.cameras and asked["rgbd"]:
-        cameras = "mono"
+        # Without depth nothing ties what is seen to where the robot is but the recording's odometry.
+        if "images" in offer.named and offer.odometry:
+            cameras = "mono"
+        else:
+            log.note(
+                "images of one camera without depth are not used (--rgb-topic takes them, with the recording's odometry)"
+            )
     if cameras is None and not scans + clouds:
         _refuse(offer)
     left_out = [name for name, there in _there(offer, cameras, scans, clouds).items() if there]
@@ -198,7 +213,8 @@ def _settle(parameters: RtabmapParameters, given: Collection[str], taken: _Taken
         log.note(f"set for {_sensors(taken)}: {told} (--set overrules)")
     if values["slamcli.odometry"] == "auto":
         by_camera = "guided" if taken.odometry else "visual"
-        choices |= {"slamcli.odometry": by_camera if taken.cameras in ("rgbd", "stereo") else "scan"}
+        ways = {"rgbd": by_camera, "stereo": by_camera, "mono": "recording", None: "scan"}
+        choices |= {"slamcli.odometry": ways[taken.cameras]}
     settled = resolve(RtabmapParameters, values, choices)
     _warn(settled, taken, log)
     return settled
