@@ -124,7 +124,9 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 options = options if arguments.duration is None else [*options, "--duration", str(arguments.duration)]
                 out = (arguments.out or pathlib.Path(folder)) / f"{name} {label}".replace(" ", "_").replace(",", "")
-                print(f"| {label} | {name} | {row(arguments.data, name, options, out, arguments.verbose)} |", flush=True)
+                print(
+                    f"| {label} | {name} | {row(arguments.data, name, options, out, arguments.verbose)} |", flush=True
+                )
 
 
 def make(folder: pathlib.Path) -> None:

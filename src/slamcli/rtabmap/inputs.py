@@ -91,6 +91,10 @@ def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: Run
         cameras = "mono"
     if cameras is None and not scans + clouds:
         _refuse(offer)
+    odometry = offer.odometry and ("odometry" in offer.named or node.subscribe_odom is not False)
+    if cameras == "mono" and not odometry and not clouds:
+        log.note("the camera is left out: beside planar scans one camera needs the recording's odometry")
+        cameras = None
     left_out = [name for name, there in _there(offer, cameras, scans, clouds).items() if there]
     if left_out:
         log.note(f"{' and '.join(left_out)} not used: {_why(offer)}")
@@ -99,7 +103,7 @@ def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: Run
         num_scans=scans if "scans" in offer.named else min(scans, 1),
         num_clouds=clouds if "points" in offer.named else min(clouds, 1),
         flat=offer.flat_clouds,
-        odometry=offer.odometry and ("odometry" in offer.named or node.subscribe_odom is not False),
+        odometry=odometry,
         imu=offer.imu and ("imu" in offer.named or offer.imu_placed or cameras is None),
     )
     if offer.imu and not taken.imu:
@@ -197,11 +201,17 @@ def _settle(parameters: RtabmapParameters, given: Collection[str], taken: _Taken
         told = ", ".join(f"{name} {_shown(value)}" for name, value in choices.items())
         log.note(f"set for {_sensors(taken)}: {told} (--set overrules)")
     if values["slamcli.odometry"] == "auto":
-        by_camera = "guided" if taken.odometry else "visual"
-        choices |= {"slamcli.odometry": by_camera if taken.cameras in ("rgbd", "stereo") else "scan"}
+        choices |= {"slamcli.odometry": _odometry_of(taken)}
     settled = resolve(RtabmapParameters, values, choices)
     _warn(settled, taken, log)
     return settled
+
+
+def _odometry_of(taken: _Taken) -> str:
+    """Return what tells the motion between frames, unless that is asked for."""
+    if taken.cameras in ("rgbd", "stereo"):
+        return "guided" if taken.odometry else "visual"
+    return "recording" if taken.cameras == "mono" and taken.planar else "scan"
 
 
 def _warn(settled: RtabmapParameters, taken: _Taken, log: RunLog) -> None:
