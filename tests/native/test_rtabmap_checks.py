@@ -64,7 +64,7 @@ def test_the_missions_launch_file() -> None:
         ("GridGlobal/ProbClampingMin=0.99", "error", "not below GridGlobal/ProbClampingMax"),
         ("Kp/IncrementalDictionary=false", "error", "needs Kp/DictionaryPath"),
         ("Kp/MaxFeatures=-1", "warning", "no place is known again by its looks"),
-        ("Vis/CorFlowWinSize=9", "warning", "no effect: Vis/CorType is 0"),
+        ("Vis/CorFlowWinSize=9", "note", "has no effect"),
         ("Marker/Length=0.1", "warning", "RGBD/MarkerDetection is false"),
         ("VhEp/MatchCountMin=9", "warning", "VhEp/Enabled is false"),
         ("Odom/KalmanProcessNoise=9", "warning", "FilteringStrategy is not 1"),

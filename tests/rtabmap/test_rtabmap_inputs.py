@@ -45,8 +45,10 @@ def test_the_tier_is_installed() -> None:
         (offer(scans=2, named=frozenset({"scans"})), (None, 2, 0)),
         (offer(clouds=1), (None, 0, 1)),
         (offer(scans=1, clouds=1), (None, 1, 0)),
-        (offer("mono", clouds=1), ("mono", 0, 1)),
-        (offer("mono", scans=1), ("mono", 1, 0)),
+        (offer("mono", clouds=1), (None, 0, 1)),
+        (offer("mono", scans=1, odometry=True), (None, 1, 0)),
+        (offer("mono", scans=1, odometry=True, named=frozenset({"images"})), ("mono", 1, 0)),
+        (offer("mono", scans=1, named=frozenset({"images"})), (None, 1, 0)),
     ],
 )
 def test_sensors_are_taken_by_mode_and_name(found: SensorOffer, taken: tuple[str | None, int, int]) -> None:

@@ -19,7 +19,7 @@ def test_odometrys_key_points_are_those_of_vis() -> None:
     found = feature_settings(
         given(
             {
-                "Vis/FeatureType": 10,
+                "Vis/FeatureType": 2,
                 "Vis/GridRows": 3,
                 "Vis/RoiRatios": "0 0 0 0.1",
                 "Vis/DepthAsMask": False,
@@ -28,7 +28,7 @@ def test_odometrys_key_points_are_those_of_vis() -> None:
         )
     )
     assert (found.detector, found.grid_rows, found.roi_ratios, found.depth_as_mask, found.decimation) == (
-        Detector.ORB_OCTREE, 3, (0.0, 0.0, 0.0, 0.1), False, 2,
+        Detector.ORB, 3, (0.0, 0.0, 0.0, 0.1), False, 2,
     )  # fmt: skip
 
 
@@ -52,4 +52,4 @@ def test_nodes_take_odometrys_key_points_if_they_can() -> None:
     assert words_are_odometrys(given({"slamcli.odometry": "visual"}))
     assert not words_are_odometrys(given({"slamcli.odometry": "recording"}))
     assert not words_are_odometrys(given({"slamcli.odometry": "visual", "Mem/UseOdomFeatures": False}))
-    assert not words_are_odometrys(given({"slamcli.odometry": "visual", "Kp/DetectorStrategy": 10}))
+    assert not words_are_odometrys(given({"slamcli.odometry": "visual", "Kp/DetectorStrategy": 8}))

@@ -127,6 +127,17 @@ def test_a_small_map_is_kept_small() -> None:
     assert len(odometry._map.keyframes) < odometry.counts["keyframes"]
 
 
+def test_keyframes_can_need_motion_in_the_image() -> None:
+    odometry, _ = travel(circle(60), replace(SETTINGS, least_motion_px=100.0))
+    assert odometry.counts["keyframes"] < travel(circle(60))[0].counts["keyframes"]
+    assert errors(np.array(circle(60)), odometry.track()[1]).max() < 0.06
+
+
+def test_views_of_a_point_that_count_can_be_limited() -> None:
+    odometry, _ = travel(circle(60), replace(SETTINGS, most_views=3))
+    assert errors(np.array(circle(60)), odometry.track()[1]).max() < 0.03
+
+
 def test_filters_smooth_what_is_given_out() -> None:
     poses = np.array([pose(0.03 * number, 0.0, 0.0) for number in range(30)])
 

@@ -91,7 +91,10 @@ class FeatureExtractor:
             found = extract_orb(grey, octree, excluded)
             if right is None:
                 return found.features
-            columns, depth = match_stereo(found, extract_orb(right, octree), camera)
+            by_looks = match_stereo(found, extract_orb(right, octree), camera)
+            by_rows = match_rows(grey, right, found.features.pixels, camera, settings.rows)
+            unknown = np.isnan(by_looks[0])  # often only because the right image's corner is not among its key points
+            columns, depth = (np.where(unknown, row, looks) for looks, row in zip(by_looks, by_rows, strict=True))
             return replace(found.features, right=columns, depth=depth)
         if settings.detector is Detector.ORB:
             features = extract_opencv_orb(grey, replace(settings.orb, num_features=number), excluded)

@@ -21,6 +21,10 @@ _FAR, _NEAR = 100, 64
 _SURE_WINDOW = 3.0
 """Pixels of the finest level around where a known pose puts a point."""
 _FIRST_WINDOW = 15.0
+_GUIDED_WINDOWS = (10.0, _SURE_WINDOW)
+"""The same around a pose by RANSAC, first and last."""
+_DRAWS = 3
+"""Times that RANSAC is run for a keyframe, each with other samples: with few true matches the best of one run is often poor."""
 _STRICTNESS = ((_NEAR, 0.8), (_FAR, 1.0))
 """Largest distance and ratio to the second best without a guess: strictly, then as loosely as RANSAC can bear."""
 _NUM_SKETCHED, _NUM_ALIKE = 150, 5
@@ -87,7 +91,7 @@ class FrameMatcher:
             if best is not None and best.num_inliers >= enough:
                 break
             for most, ratio in _STRICTNESS:
-                other = self._by_keyframe(local_map, features, grid, keyframe, number, most, ratio)
+                other = self._by_keyframe(local_map, features, grid, keyframe, number, most, ratio, enough)
                 if other is not None and (best is None or other.num_inliers > best.num_inliers):
                     best = other
                 if other is not None and other.num_inliers >= 4 * self._settings.min_inliers:
@@ -109,7 +113,8 @@ class FrameMatcher:
         return [keyframe for count, _, keyframe in counted[:_NUM_ALIKE] if count < 0]
 
     def _by_keyframe(
-        self, local_map: LocalMap, features: Features, grid: FeatureGrid, keyframe: Keyframe, number: int, most: int, ratio: float
+        self, local_map: LocalMap, features: Features, grid: FeatureGrid, keyframe: Keyframe, number: int, most: int,
+        ratio: float, enough: int,
     ) -> FrameMatch | None:  # fmt: skip
         rows = np.flatnonzero(keyframe.points >= 0)
         if len(rows) < self._settings.min_inliers or len(features) == 0:
@@ -120,15 +125,22 @@ class FrameMatcher:
         )  # fmt: skip
         hits = np.flatnonzero(matched >= 0)
         points = keyframe.points[rows[hits]]
-        try:
-            sampled = estimate_pose_pnp(
-                local_map.positions[points], features.pixels[matched[hits]], features.sigmas[matched[hits]], local_map.camera,
-                seed=self._settings.seed + number, iterations=self._settings.iterations, min_inliers=max(self._settings.min_inliers // 2, 6),
-                right=features.right[matched[hits]],
-            )  # fmt: skip
-        except EstimationError:
-            return None
-        return self.closely(local_map, features, grid, sampled.T_camera_map, (2.0 * _SURE_WINDOW, _SURE_WINDOW))
+        best: FrameMatch | None = None
+        for turn in range(_DRAWS):
+            try:
+                sampled = estimate_pose_pnp(
+                    local_map.positions[points], features.pixels[matched[hits]], features.sigmas[matched[hits]], local_map.camera,
+                    seed=self._settings.seed + _DRAWS * number + turn, iterations=self._settings.iterations,
+                    min_inliers=max(self._settings.min_inliers // 2, 6), right=features.right[matched[hits]],
+                )  # fmt: skip
+            except EstimationError:
+                continue
+            match = self.closely(local_map, features, grid, sampled.T_camera_map, _GUIDED_WINDOWS)
+            if match is not None and (best is None or match.num_inliers > best.num_inliers):
+                best = match
+            if best is not None and best.num_inliers >= enough:
+                break
+        return best
 
     def closely(
         self, local_map: LocalMap, features: Features, grid: FeatureGrid, T_camera_odom: Floats, windows: tuple[float, ...] = (_SURE_WINDOW,)

@@ -68,7 +68,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         spatial=not settled.reg.force_3dof,
         keep_scans=True,
         clouds_as_scans=taken.flat and taken.num_clouds > 0,
-        samples_first=True,
+        samples_first=not _in_recorded_order(settled, taken),
         odometry=taken.odometry,
         imu=taken.imu,
         landmarks=offer.landmarks and not settled.optimizer.landmarks_ignored,
@@ -77,6 +77,15 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         map_frame=settled.node.map_frame_id,
         camera_mode=taken.cameras,
     )
+
+
+def _in_recorded_order(settled: RtabmapParameters, taken: _Taken) -> bool:
+    """Return whether planar scans are aligned when the recording has ended.
+
+    Where clocks run backwards again and again only the order in which scans and odometry were recorded tells which
+    belong together.
+    """
+    return taken.cameras is None and settled.slamcli.odometry == "scan" and settled.reg.force_3dof
 
 
 def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: RunLog) -> _Taken:
@@ -88,13 +97,15 @@ def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: Run
         log.note("point clouds are not used, there are scans (choose with --points-topic)")
         clouds = 0
     if cameras is None and scans + clouds and "mono" in offer.cameras and asked["rgbd"]:
-        cameras = "mono"
+        # Without depth nothing ties what is seen to where the robot is but the recording's odometry.
+        if "images" in offer.named and offer.odometry:
+            cameras = "mono"
+        else:
+            log.note(
+                "images of one camera without depth are not used (--rgb-topic takes them, with the recording's odometry)"
+            )
     if cameras is None and not scans + clouds:
         _refuse(offer)
-    odometry = offer.odometry and ("odometry" in offer.named or node.subscribe_odom is not False)
-    if cameras == "mono" and not odometry and not clouds:
-        log.note("the camera is left out: beside planar scans one camera needs the recording's odometry")
-        cameras = None
     left_out = [name for name, there in _there(offer, cameras, scans, clouds).items() if there]
     if left_out:
         log.note(f"{' and '.join(left_out)} not used: {_why(offer)}")
@@ -103,7 +114,7 @@ def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: Run
         num_scans=scans if "scans" in offer.named else min(scans, 1),
         num_clouds=clouds if "points" in offer.named else min(clouds, 1),
         flat=offer.flat_clouds,
-        odometry=odometry,
+        odometry=offer.odometry and ("odometry" in offer.named or node.subscribe_odom is not False),
         imu=offer.imu and ("imu" in offer.named or offer.imu_placed or cameras is None),
     )
     if offer.imu and not taken.imu:
@@ -201,17 +212,12 @@ def _settle(parameters: RtabmapParameters, given: Collection[str], taken: _Taken
         told = ", ".join(f"{name} {_shown(value)}" for name, value in choices.items())
         log.note(f"set for {_sensors(taken)}: {told} (--set overrules)")
     if values["slamcli.odometry"] == "auto":
-        choices |= {"slamcli.odometry": _odometry_of(taken)}
+        by_camera = "guided" if taken.odometry else "visual"
+        ways = {"rgbd": by_camera, "stereo": by_camera, "mono": "recording", None: "scan"}
+        choices |= {"slamcli.odometry": ways[taken.cameras]}
     settled = resolve(RtabmapParameters, values, choices)
     _warn(settled, taken, log)
     return settled
-
-
-def _odometry_of(taken: _Taken) -> str:
-    """Return what tells the motion between frames, unless that is asked for."""
-    if taken.cameras in ("rgbd", "stereo"):
-        return "guided" if taken.odometry else "visual"
-    return "recording" if taken.cameras == "mono" and taken.planar else "scan"
 
 
 def _warn(settled: RtabmapParameters, taken: _Taken, log: RunLog) -> None:

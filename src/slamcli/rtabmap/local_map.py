@@ -33,6 +33,14 @@ class Keyframe:
     points: Ids
     """(N,), row of the map's point that each feature sees, or -1."""
 
+    def mean_motion(self, features: Features, points: Ids) -> float:
+        """Return by how many pixels the points that another frame sees too (M,) moved on average; infinite where there are none."""
+        _, here, there = np.intersect1d(
+            np.where(self.points >= 0, self.points, -1), np.where(points >= 0, points, -2), return_indices=True
+        )
+        moved = np.linalg.norm(features.pixels[there] - self.features.pixels[here], axis=1)
+        return float(moved.mean()) if len(moved) else np.inf
+
 
 class LocalMap:
     """Points as columns, and the keyframes that see some of them; rows move when points are dropped."""

@@ -6,17 +6,17 @@ from __future__ import annotations
 import numpy as np
 
 from slamcli.geometry import se3
-from slamcli.rtabmap.local_map import LocalMap
+from slamcli.rtabmap.local_map import Ids, LocalMap
 from slamcli.vision.bundle_adjustment import adjust_in_rounds
 from slamcli.vision.bundle_problem import BundleProblem
 
 _ROUNDS = ((5, True), (5, False))
 
 
-def adjust_newest(local_map: LocalMap, most: int) -> None:
+def adjust_newest(local_map: LocalMap, most: int, most_views: int = 0) -> None:
     """Move the newest `most` keyframes and what they see; older ones that see the same hold still, and the oldest if there are none.
 
-    Points seen once follow their keyframe. What does not fit is no longer seen.
+    Points seen once follow their keyframe. What does not fit is no longer seen. Of each point the newest `most_views` views count; 0: all.
     """
     keyframes = local_map.keyframes
     if len(keyframes) < 2:
@@ -28,6 +28,8 @@ def adjust_newest(local_map: LocalMap, most: int) -> None:
     by_free[points[free[places]]] = True
     often = np.bincount(points, minlength=len(local_map)) >= 2
     used = (by_free & often)[points]
+    if most_views:
+        used &= _age(points) < most_views
     if np.count_nonzero(used) < 10:
         return
     ids, point_index = np.unique(points[used], return_inverse=True)
@@ -58,3 +60,12 @@ def adjust_newest(local_map: LocalMap, most: int) -> None:
     out = np.flatnonzero(used)[~result.inliers]
     for place, feature in zip(places[out].tolist(), features[out].tolist(), strict=True):
         keyframes[place].points[feature] = -1
+
+
+def _age(points: Ids) -> Ids:
+    """How many later views each of these views (M,) of points has; they come in the order of time."""
+    order = np.argsort(points, kind="stable")
+    _, first, counts = np.unique(points[order], return_index=True, return_counts=True)
+    ages = np.empty(len(points), dtype=np.int64)
+    ages[order] = np.repeat(first + counts, counts) - 1 - np.arange(len(points))
+    return ages

@@ -33,7 +33,7 @@ def insert_keyframe(
         fresh = fresh[: settings.most_new]
     local_map.add_points(keyframe, fresh, frame)
     if settings.adjust and settings.frame_to_map:
-        adjust_newest(local_map, settings.bundle_frames)
+        adjust_newest(local_map, settings.bundle_frames, settings.most_views)
     trim(local_map, settings)
     local_map.refresh()
     return keyframe

@@ -32,6 +32,10 @@ class OdometrySettings:
     bundle_frames: int = 10
     """Keyframes that the local bundle adjustment moves; 0: all."""
     adjust: bool = True
+    least_motion_px: float = 0.0
+    """By which key points moved on average since the last keyframe, before another is made; 0: any."""
+    most_views: int = 0
+    """Of a point that count in the adjustment, the newest; 0: all."""
     min_inliers: int = 20
     """Points that a pose must explain."""
     keyframe_share: float = 0.3
@@ -40,7 +44,7 @@ class OdometrySettings:
     """or below this number,"""
     keyframe_kept: float = 0.75
     """or (slamcli's own) below this share of what the last keyframe saw; 0: RTAB-Map's rules alone,"""
-    keyframe_gap_ns: int = 150_000_000
+    keyframe_gap_ns: int = 120_000_000
     """if the last one is so old for the last rule."""
     window: float = 40.0
     """Pixels around the prediction in which points are looked for where the guess is poor."""
@@ -88,7 +92,8 @@ def odometry_settings(parameters: RtabmapParameters, scales: tuple[float, ...], 
     odom, f2m, vis = parameters.odom, parameters.odom_f2m, parameters.vis
     return OdometrySettings(
         scales=scales, frame_to_map=odom.strategy == 0, map_size=f2m.max_size, most_new=f2m.max_new_features,
-        bundle_frames=f2m.bundle_adjustment_max_frames, adjust=f2m.bundle_adjustment != 0, min_inliers=vis.min_inliers,
+        bundle_frames=f2m.bundle_adjustment_max_frames, adjust=f2m.bundle_adjustment != 0,
+        least_motion_px=f2m.bundle_adjustment_min_motion, most_views=f2m.bundle_adjustment_max_key_frames_per_feature, min_inliers=vis.min_inliers,
         keyframe_share=odom.key_frame_thr, keyframe_inliers=odom.vis_key_frame_thr, window=float(vis.cor_guess_win_size),
         ratio=vis.cor_nndr, iterations=vis.iterations, guess_motion=odom.guess_motion,
         smoothing_ns=round(odom.guess_smoothing_delay * 1e9), reset_countdown=odom.reset_countdown, holonomic=odom.holonomic,

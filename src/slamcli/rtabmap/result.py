@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import EstimationError
 from slamcli.geometry import se3
 from slamcli.mapper import MappingResult, Setup
 from slamcli.posegraph.keyframe_graph import EDGE_KINDS, KeyframeGraph
 from slamcli.rtabmap.database import Database
 from slamcli.rtabmap.frame_track import FrameTrack, PlacedFrames
+from slamcli.rtabmap.joined_maps import chosen_component, what_joined
 from slamcli.rtabmap.links import CLOSURES, Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.maps import build_maps
@@ -28,27 +28,6 @@ from slamcli.rtabmap.update_record import columns
 from slamcli.trajectory import Trajectory
 
 Floats = NDArray[np.float64]
-
-
-def chosen_component(graph: MapGraph, own_nodes: list[int]) -> list[int]:
-    """Return the ids, increasing, of the nodes of the map that holds most nodes of this run; the older of two equal ones.
-
-    Raises
-    ------
-    EstimationError
-        If the run has no nodes.
-    """
-    if not own_nodes:
-        raise EstimationError("rtabmap: no node was made")
-    component_of: dict[int, int] = {}
-    members: dict[int, list[int]] = {}
-    for node_id in own_nodes:
-        if node_id not in component_of:
-            found = [other for other in graph.component(node_id) if other in graph.nodes]
-            members[found[0]] = found
-            component_of.update(dict.fromkeys(found, found[0]))
-    counts = Counter(component_of[node_id] for node_id in own_nodes)
-    return members[min(counts, key=lambda first: (-counts[first], first))]
 
 
 def keyframe_graph(graph: MapGraph, ids: list[int]) -> KeyframeGraph:
@@ -96,11 +75,16 @@ def summary_of(session: Session, track: FrameTrack, ids: list[int], placed: Plac
 def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters, setup: Setup) -> MappingResult:
     """Return trajectory, nodes and maps, and close the database."""
     graph, database = session.graph, session.keeping.database
-    ids = chosen_component(graph, session.own_nodes)
+    ids = chosen_component(graph, session.own_nodes, localising=session.localising)
+    joined = what_joined(graph, ids, session.own_nodes)
+    if joined:
+        setup.log.note(joined)
     sensors = partial(_sensors, database)
     up, floor_m = _turn_upright(session, ids, setup)
-    T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
     placed = track.placed({node_id: graph.T_map_base[node_id] for node_id in ids})
+    if session.localising:  # the map is what it was
+        ids = [node_id for node_id in ids if node_id in session.closing.fixed.ids]
+    T_map_node = np.array([graph.T_map_base[node_id] for node_id in ids])
     stamps = np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64)
     if not parameters.rgbd.create_occupancy_grid:
         setup.log.note(
@@ -108,7 +92,7 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
         )
     maps = build_maps(
         zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
-        octree=setup.octree, floor_m=floor_m, keep=None if session.keeping.fixed else session.keeping.keep_grid,
+        octree=setup.octree, floor_m=floor_m, keep=None if session.localising else session.keeping.keep_grid,
     )  # fmt: skip
     session.close(ids, maps.grid)
     return MappingResult(

@@ -13,6 +13,7 @@ from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
 from slamcli.rtabmap.frame_track import FrameTrack
+from slamcli.rtabmap.graph import OptimisedGraph
 from slamcli.rtabmap.gravity import gravity_link
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping
@@ -72,6 +73,11 @@ class Session:
         """Ids of the nodes of this run, increasing."""
         return [node_id for node_id in self.graph.nodes if node_id >= self._first_id]
 
+    @property
+    def localising(self) -> bool:
+        """Whether the map is fixed."""
+        return not self.parameters.mem.incremental_memory
+
     def update(self, node: NodeInput) -> int | None:
         """Take what may become a node; return its id, or None if the robot has not moved since the last one."""
         signature = self._signature(node)
@@ -80,8 +86,10 @@ class Session:
             return None
         if self._is_useless(signature):
             return None
+        waits = self._waits()
         self._extend(signature, node)
-        self.keeping.add(signature, node)
+        if not waits:
+            self.keeping.add(signature, node)
         added = self.memory.add(signature, self.graph)
         for gone, kept in added.reduced:
             self._merge(gone, kept)
@@ -97,6 +105,11 @@ class Session:
             *self.closing.by_place(signature, self.graph),
         ]
         accepted, optimised = self._close(signature.id, proposals)
+        if waits and not accepted:
+            self._take_back(signature.id)
+            return None
+        if waits:
+            self.keeping.add(signature, node)
         work = update_work(
             signature, self.memory.sizes(), retrieved=len(retrieved), registrations=len(proposals), optimised=optimised
         )
@@ -118,6 +131,21 @@ class Session:
         )  # fmt: skip
         self.keeping.end_update(self.memory, self.records[-1])
         return signature.id
+
+    def _waits(self) -> bool:
+        """Return whether the next node is kept only if a closure ties it to a map (Rtabmap/StartNewMapOnLoopClosure)."""
+        wanted = self.parameters.rtabmap.start_new_map_on_loop_closure and not self.localising
+        return wanted and self._previous is None and bool(self.graph.nodes) and self.closing.sees
+
+    def _take_back(self, node_id: int) -> None:
+        """Forget a node that does not begin a map after all."""
+        self.keeping.unlink(self.graph.links_of(node_id))
+        self.memory.forget(node_id)
+        for landmark in [other for other in self.graph.neighbours(node_id) if other < 0]:
+            if self.graph.neighbours(landmark) == [node_id]:
+                self.graph.remove_node(landmark)
+        self.graph.remove_node(node_id)
+        self._next_id -= 1
 
     def finish(self, track: FrameTrack) -> None:
         """Tie nodes by the odometry as it is known in the end, look once more for places, and optimise everything."""
@@ -142,7 +170,7 @@ class Session:
 
     def _merge(self, gone: int, kept: int) -> None:
         """Let one node stand for another that saw the same."""
-        old = [link for link in self.graph.links if gone in (link.from_id, link.to_id)]
+        old = list(self.graph.links_of(gone))
         before = len(self.graph.links) - len(old)
         self.graph.merge(gone, kept)
         self.keeping.unlink(old)
@@ -224,7 +252,7 @@ class Session:
         self.closing.note(proposals, verdict)
         if verdict.graph is None:
             return [], 0
-        self.graph.place(ids, verdict.graph.T_map_base)
+        self._place(verdict.graph)
         taken = {(link.from_id, link.to_id) for link in verdict.accepted}
         accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
         for proposal in accepted:
@@ -247,7 +275,7 @@ class Session:
     def _scope(self, ends: Sequence[int], *, everything: bool = False) -> list[int]:
         """Return which nodes an optimisation moves: those tied to some nodes by links, among what the memory holds."""
         bounded = self.memory.bounded and not everything
-        held = {*self.memory.short_term, *self.memory.working, *ends} if bounded else None
+        held = {*(self.memory.held or ()), *ends} if bounded else None
         found: set[int] = set()
         for end in ends:
             if end not in found:
@@ -259,14 +287,23 @@ class Session:
         waiting = set(self.graph.nodes)
         while waiting:
             ids = self.graph.component(min(waiting))
-            self.graph.place(ids, self.closing.optimise(ids, self.graph).T_map_base)
+            if not set(ids) <= self.closing.fixed.ids:
+                self._place(self.closing.optimise(ids, self.graph))
             waiting -= set(ids)
+
+    def _place(self, optimised: OptimisedGraph) -> None:
+        """Take over where nodes are; those of a fixed map stay, to the last bit."""
+        fixed = self.closing.fixed.ids
+        rows = [row for row, node_id in enumerate(optimised.ids) if node_id not in fixed]
+        self.graph.place([optimised.ids[row] for row in rows], optimised.T_map_base[rows])
 
     def _use_final_odometry(self, track: FrameTrack) -> None:
         """Measure the links between neighbours anew by what odometry knows in the end."""
         if not track.refined:
             return
-        for link in list(self.graph.links):
+        better: list[tuple[Link, Link]] = []
+        for link in self.graph.links:
             first, second = track.node_pose(link.from_id), track.node_pose(link.to_id)
             if link.kind in (LinkKind.NEIGHBOR, LinkKind.NEIGHBOR_MERGED) and first is not None and second is not None:
-                self.graph.replace_link(link, replace(link, T_from_to=se3.inverse(first) @ second))
+                better.append((link, replace(link, T_from_to=se3.inverse(first) @ second)))
+        self.graph.replace_links(better)

@@ -143,17 +143,20 @@ class VisualOdometry:
         self._guess.add(stamp_ns, match.T_camera_odom @ se3.inverse(self._T_last))
         covariance = motion_covariance(match, self._T_base_camera)
         self._T_last, self._last, self._held = match.T_camera_odom, features, match.num_inliers
-        keyframe = self._wants_keyframe(stamp_ns, features, match.num_inliers)
+        keyframe = self._wants_keyframe(stamp_ns, features, match)
         if keyframe:
             self._T_last = self._add_keyframe(stamp_ns, features, grid, match.T_camera_odom, match.points)
         self._track.add(stamp_ns, self._map.keyframes[-1], self._T_last)
         return self._told(stamp_ns, features, covariance, match.num_inliers, keyframe=keyframe)
 
-    def _wants_keyframe(self, stamp_ns: int, features: Features, held: int) -> bool:
-        settings = self.settings
+    def _wants_keyframe(self, stamp_ns: int, features: Features, match: FrameMatch) -> bool:
+        settings, held = self.settings, match.num_inliers
         few = held < settings.keyframe_share * len(features) or held < settings.keyframe_inliers
         fewer = held < settings.keyframe_kept * self._kept
-        return few or (fewer and stamp_ns - self._keyframe_ns >= settings.keyframe_gap_ns)
+        wanted = few or (fewer and stamp_ns - self._keyframe_ns >= settings.keyframe_gap_ns)
+        if wanted and settings.adjust and settings.least_motion_px > 0.0:
+            return self._map.keyframes[-1].mean_motion(features, match.points) >= settings.least_motion_px
+        return wanted
 
     def _add_keyframe(
         self, stamp_ns: int, features: Features, grid: FeatureGrid, T_camera_odom: Floats, points: Ids

@@ -233,8 +233,6 @@ def _grids(values: Values) -> Iterator[Finding]:
 
 _Condition = Callable[[Values], bool]
 _NEEDED: tuple[tuple[tuple[str, ...], _Condition, str], ...] = (
-    (("Vis/CorFlow",), lambda v: v["Vis/CorType"] == 1, "Vis/CorType is 0 (descriptors)"),
-    (("Vis/CorNN", "Vis/CorGuess"), lambda v: v["Vis/CorType"] == 0, "Vis/CorType is 1 (optical flow)"),
     (("VhEp/MatchCountMin", "VhEp/Ransac"), lambda v: v["VhEp/Enabled"], "VhEp/Enabled is false"),
     (("Marker/",), lambda v: v["RGBD/MarkerDetection"], "RGBD/MarkerDetection is false"),
     (("Odom/Particle",), lambda v: v["Odom/FilteringStrategy"] == 2, "Odom/FilteringStrategy is not 2"),

@@ -2,7 +2,7 @@
 """Every parameter of RTAB-Map under its own name, those of its ROS nodes, and slamcli's own, declared once.
 
 Where RTAB-Map's defaults depend on what it was built with, those of a build with OpenCV's non-free modules missing, g2o,
-GTSAM and libpointmatcher are taken. Names of older versions are read as these; see `slamcli.native.rtabmap_names`.
+GTSAM and libpointmatcher are taken, with few exceptions (docs/rtabmap.md). Names of older versions are read as these; see `slamcli.native.rtabmap_names`.
 """
 
 from __future__ import annotations

@@ -139,12 +139,7 @@ class MemGroup:
         "open the database for reading only when localising; here a copy is worked on, so that it always stays as it is",
         effective=False,
     )
-    localization_data_saved: bool = switch(
-        "LocalizationDataSaved",
-        False,
-        "store nodes of a localisation too; here they are in the result's own database",
-        effective=False,
-    )
+    localization_data_saved: bool = absent("LocalizationDataSaved", "store the nodes of a localisation too")
     reduce_graph: bool = switch("ReduceGraph", False, "drop a node that closed a loop: its links go to the other one")
     recent_wm_ratio: float = share(
         "RecentWmRatio", 0.2, "share of working memory after the last loop closure that is not transferred"

@@ -113,16 +113,14 @@ class OdomF2mGroup:
     bundle_adjustment_min_motion: float = number(
         "BundleAdjustmentMinMotion",
         0.0,
-        "a keyframe needs key points that moved by this on average; here by how much it still sees",
+        "a keyframe needs key points that moved by this on average; 0: it does not",
         "px",
-        effective=False,
     )
     bundle_adjustment_max_key_frames_per_feature: int = count(
         "BundleAdjustmentMaxKeyFramesPerFeature",
         0,
-        "views of a point that count at most; here all do",
+        "views of a point that count at most; 0: all",
         "frames",
-        effective=False,
     )
     bundle_update_feature_map_on_all_frames: bool = switch(
         "BundleUpdateFeatureMapOnAllFrames",

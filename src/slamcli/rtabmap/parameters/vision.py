@@ -168,7 +168,7 @@ class VisGroup:
     ssc: bool = switch("SSC", False, "spread key points evenly (suppression via square covering)")
     max_depth: float = length("MaxDepth", 0.0, "key points farther away are dropped; 0: none")
     min_depth: float = length("MinDepth", 0.0, "key points nearer are dropped")
-    depth_as_mask: bool = switch("DepthAsMask", True, "look for key points only where depth is known")
+    depth_as_mask: bool = switch("DepthAsMask", False, "look for key points only where depth is known")
     depth_mask_floor_thr: float = length(
         "DepthMaskFloorThr", 0.0, "no key points lower than this above the base frame's floor; 0: anywhere"
     )
