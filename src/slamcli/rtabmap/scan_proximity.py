@@ -34,6 +34,8 @@ _TURNED_RAD = 0.5
 """A node of a path that turned so far since the last one taken is taken too: it saw something else."""
 _SUPPORTING = 8
 """Nodes before the new one whose scans support a search."""
+_KNOWN_M, _KNOWN_RAD = 0.05, 0.03
+"""Standard deviations from which a closure would hardly tell anything new (intel: half the closures, the same error)."""
 _CONFIRMED_M, _CONFIRMED_RAD = 0.25, 0.05
 """How well a second closure must agree with a first that moved the robot far."""
 _CONFIRMED_WITHIN = 5
@@ -74,7 +76,7 @@ class ScanProximity:
     Notes
     -----
     RTAB-Map registers at most ``RGBD/ProximityPathFilteringRadius`` from the path. Here a path is compared that the robot may be at by
-    what the graph knows (three standard deviations); planar scans are then searched for. A closure that such a search found farther
+    what the graph knows (three standard deviations), and none whose place is known within 5 cm and 0.03 rad already; planar scans are then searched for. A closure that such a search found farther
     off than that radius must be confirmed by a second one, within five nodes, that agrees with it: then that one is
     returned.
     """
@@ -139,6 +141,8 @@ class ScanProximity:
         near_id = path[int(np.argmin(distances))]
         sigma_m, sigma_rad = (math.sqrt(v) for v in ways.variances(near_id))
         if graph.are_linked(new_id, near_id) or not math.isfinite(sigma_m):
+            return None
+        if sigma_m < _KNOWN_M and sigma_rad < _KNOWN_RAD:
             return None
         if s.proximity_path_filtering_radius and min(distances) > s.proximity_path_filtering_radius + 3.0 * sigma_m:
             return None
