@@ -38,7 +38,7 @@ _NEIGHBOURS = 2
 """Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
 _NEAR_M, _NEAR_RAD = 2.0, 0.8
 """Nodes of the finished map that are farther apart or look elsewhere are not compared."""
-_MOST_PER_NODE = 3
+_MOST_PER_NODE = 8
 """Searches of the finished map for one node."""
 
 
@@ -81,6 +81,9 @@ class Closing:
         self.fixed = fixed if fixed is not None else FixedMap([], sigma=1.0)
         """Nodes that keep their poses."""
         self._optimiser = GraphOptimiser(replace(settings, priors_ignored=False) if self.fixed.ids else settings)
+        robust = replace(self._optimiser.settings, robust=True, incremental=False)
+        self._sorter = GraphOptimiser(robust)
+        self._last_check = ClosureCheck(parameters.rgbd, robust=True)
         self._scan_settings = ScanSettings.of(parameters)
         self._scan_proximity = ScanProximity(parameters)
         self._joining = ScanJoining(parameters, lambda node_id: memory.recall(node_id).scan)
@@ -97,7 +100,14 @@ class Closing:
         """Whether the robot has a camera."""
         return self._camera is not None
 
-    def optimise(self, ids: Sequence[int], graph: MapGraph, links: Sequence[Link] | None = None) -> OptimisedGraph:
+    def optimise(
+        self,
+        ids: Sequence[int],
+        graph: MapGraph,
+        links: Sequence[Link] | None = None,
+        *,
+        by: GraphOptimiser | None = None,
+    ) -> OptimisedGraph:
         """Return where links among some nodes agree best, all that the graph has unless told; nothing is changed.
 
         Of a fixed map only the nodes that links tie to others are in it, where they are.
@@ -108,7 +118,14 @@ class Closing:
             part = self.fixed.part(ids, poses, used)
             ids, poses, used = part.ids, part.T_map_base, part.links
         root = graph_root(ids, from_end=self._parameters.rgbd.optimize_from_graph_end)
-        return self._optimiser.optimise(ids, poses, used, root=root)
+        return (by or self._optimiser).optimise(ids, poses, used, root=root)
+
+    def sort_out(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
+        """Return which of many proposed closures agree with each other and the graph, all taken together (Optimizer/Robust)."""
+        new = [proposal.link for proposal in proposals]
+        return self._last_check.judge(
+            lambda links: self.optimise(ids, graph, links, by=self._sorter), graph.links_among(ids), new
+        )
 
     def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
         """Return which of the proposed closures, which the graph does not have yet, it can bear."""

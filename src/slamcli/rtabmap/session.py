@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
+from slamcli.rtabmap.closure_check import Verdict
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.graph import OptimisedGraph
 from slamcli.rtabmap.gravity import gravity_link
@@ -162,11 +163,11 @@ class Session:
 
     def _search_again(self) -> bool:
         """Return whether the finished map showed places that no closure tied yet."""
-        found = False
-        for proposals in self.closing.in_the_end(self.graph, self.own_nodes):
-            accepted, _ = self._close(proposals[0].link.to_id, proposals, everything=True)
-            found = found or bool(accepted)
-        return found
+        proposals = [one for found in self.closing.in_the_end(self.graph, self.own_nodes) for one in found]
+        if not proposals:
+            return False
+        ids = self._scope([end for one in proposals for end in (one.link.from_id, one.link.to_id)], everything=True)
+        return bool(self._take(proposals, self.closing.sort_out(ids, self.graph, proposals)))
 
     def _merge(self, gone: int, kept: int) -> None:
         """Let one node stand for another that saw the same."""
@@ -233,17 +234,20 @@ class Session:
             self.graph.add_link(link)
             self.keeping.link([link])
 
-    def _close(
-        self, node_id: int, proposals: Sequence[Proposal], *, everything: bool = False
-    ) -> tuple[list[Proposal], int]:
+    def _close(self, node_id: int, proposals: Sequence[Proposal]) -> tuple[list[Proposal], int]:
         """Return the closures that the graph bears, and how many nodes the optimisation moved."""
         if not proposals:
             return [], 0
         ends = [node_id, *(end for one in proposals for end in (one.link.from_id, one.link.to_id))]
-        ids = self._scope(ends, everything=everything)
+        ids = self._scope(ends)
         verdict = self.closing.judge(ids, self.graph, proposals)
         if verdict.graph is None and len(proposals) > 1:  # one wrong closure must not take the right ones along
-            return self._one_by_one(node_id, proposals, everything=everything)
+            return self._one_by_one(node_id, proposals)
+        accepted = self._take(proposals, verdict)
+        return accepted, 0 if verdict.graph is None else verdict.graph.moved
+
+    def _take(self, proposals: Sequence[Proposal], verdict: Verdict) -> list[Proposal]:
+        """Put into the graph what a verdict accepts, and nodes where it has them; return the accepted closures."""
         self.graph.remove_links(verdict.dropped)
         self.keeping.unlink(verdict.dropped)
         for link in verdict.accepted:
@@ -251,23 +255,20 @@ class Session:
         self.keeping.link(verdict.accepted)
         self.closing.note(proposals, verdict)
         if verdict.graph is None:
-            return [], 0
+            return []
         self._place(verdict.graph)
         taken = {(link.from_id, link.to_id) for link in verdict.accepted}
         accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
         for proposal in accepted:
-            if proposal.link.kind == LinkKind.LANDMARK:
-                continue
-            self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
-        return accepted, verdict.graph.moved
+            if proposal.link.kind != LinkKind.LANDMARK:
+                self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
+        return accepted
 
-    def _one_by_one(
-        self, node_id: int, proposals: Sequence[Proposal], *, everything: bool
-    ) -> tuple[list[Proposal], int]:
+    def _one_by_one(self, node_id: int, proposals: Sequence[Proposal]) -> tuple[list[Proposal], int]:
         """Return which closures the graph bears if they are tried one after the other, the best seen first."""
         accepted, moved = [], 0
         for proposal in sorted(proposals, key=lambda one: -one.registration.num_inliers):
-            taken, count = self._close(node_id, [proposal], everything=everything)
+            taken, count = self._close(node_id, [proposal])
             accepted += taken
             moved = max(moved, count)
         return accepted, moved
