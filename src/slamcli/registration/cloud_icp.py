@@ -28,6 +28,8 @@ _NAMES: dict[Method, str] = {"point": "ICP", "plane": "PLANE_ICP", "gicp": "GICP
 _FEWEST = 10
 _ROUNDS = 3
 """How often an alignment begins again with what was left of the source (trimmed) or of the motion (level)."""
+_UNTOLD_M2 = 1.0
+"""Variance along axes that a target does not tell."""
 _UNSURE = 1e-6
 """Relative eigenvalue under which a normal matrix tells nothing."""
 
@@ -189,13 +191,17 @@ def align_prepared(
         T = _constrained(_rigid(np.asarray(result.T_target_source)), T_target_source_guess, s)
         if s.trimmed < 1.0 and turn + 1 < rounds:
             kept = _nearest(target, source, T, s)
+    covariance = _covariance(result, T)
     if s.sure_axes_only and target.complexity < s.min_complexity:
-        T = _on_sure_axes(T, T_target_source_guess, target, s.min_complexity)
+        unsure = target.axes[:, 3.0 * target.shares < s.min_complexity]
+        T = T.copy()
+        T[:3, 3] -= unsure @ (unsure.T @ (T[:3, 3] - T_target_source_guess[:3, 3]))
+        covariance[:3, :3] += _UNTOLD_M2 * unsure @ unsure.T
     matched, squared = _matches(target, source, T, s, s.inlier_m or s.max_distance_m)
     return CloudAlignment(
         T_target_source=T, num_points=len(source), num_inliers=int(matched.sum()),
         rmse_m=float(np.sqrt(squared[matched].mean())) if matched.any() else 0.0,
-        covariance=_covariance(result, T), converged=bool(result.converged) and bool(result.num_inliers), complexity=target.complexity,
+        covariance=covariance, converged=bool(result.converged) and bool(result.num_inliers), complexity=target.complexity,
     )  # fmt: skip
 
 
@@ -269,14 +275,6 @@ def _constrained(T: Floats, guess: Floats, s: CloudIcpSettings) -> Floats:
     kept[:3, 3] = T[:3, 3]
     if s.planar:
         kept[2, 3] = guess[2, 3]
-    return kept
-
-
-def _on_sure_axes(T: Floats, guess: Floats, target: PreparedCloud, least: float) -> Floats:
-    """Return T with its translation corrected only along the axes in which normals point."""
-    sure = target.axes[:, 3.0 * target.shares >= least]
-    kept = T.copy()
-    kept[:3, 3] = guess[:3, 3] + sure @ (sure.T @ (T[:3, 3] - guess[:3, 3]))
     return kept
 
 

@@ -24,6 +24,8 @@ _SEARCH_DEPTH = 6
 _SEARCH_POINTS = 150
 _ODDS = OddsInserter(hit_probability=0.7, miss_probability=0.4)
 _SPREAD_WINDOW_M = 1.0
+_LEAK = 0.03
+"""Share of what walls tell across that noisy points on them seem to tell along."""
 _FOUND_SIGMAS = np.array([0.3, 0.3, 0.1])
 """Metres and radians by which an alignment is held to what a search found."""
 
@@ -162,7 +164,17 @@ class MergedScans:
         once = SurfaceAlignment(tangent=0.0, max_iterations=1)
         surface_aligner(self._maps, scan.points, once, normal)(pose, pose, held)
         upper = normal - np.diag(held)
-        return np.triu(upper) + np.triu(upper, 1).T
+        return _without_leak(np.triu(upper) + np.triu(upper, 1).T)
+
+
+def _without_leak(information: Floats) -> Floats:
+    """Return information (3, 3) without what noise seems to tell along straight walls: a small share of what they tell across."""
+    values, axes = np.linalg.eigh(information[:2, :2])
+    least = max(float(values[0]) - _LEAK * float(values[1]), 0.0)
+    shares = np.array([math.sqrt(least / max(float(values[0]), 1e-12)), 1.0])
+    kept = np.eye(3)
+    kept[:2, :2] = (axes * shares) @ axes.T
+    return kept @ information @ kept
 
 
 def _thinned(points: Floats) -> Floats:

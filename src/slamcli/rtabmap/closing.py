@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slamcli.geometry import se3
 from slamcli.rtabmap.closure_check import ClosureCheck, ClosureRecord, Verdict, closure_link, closure_record
+from slamcli.rtabmap.fixed_map import FixedMap
 from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, graph_settings
 from slamcli.rtabmap.hypothesis import Hypothesis
 from slamcli.rtabmap.landmarks import MarkerFinder, prior_links
@@ -21,9 +22,11 @@ from slamcli.rtabmap.memory import Memory
 from slamcli.rtabmap.node_rate import motion_size
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.registration import Registration, refused
+from slamcli.rtabmap.scan_joining import ScanJoining
 from slamcli.rtabmap.scan_proximity import ScanProximity
 from slamcli.rtabmap.scan_registration import refined_by_scans, refined_motion
 from slamcli.rtabmap.scan_settings import ScanSettings
+from slamcli.rtabmap.sights import Sights
 from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
 from slamcli.rtabmap.visual_proximity import visual_proximity, visual_proximity_in_time
 from slamcli.rtabmap.visual_registration import register_best, register_visual
@@ -36,7 +39,7 @@ _NEIGHBOURS = 2
 """Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
 _NEAR_M, _NEAR_RAD = 2.0, 0.8
 """Nodes of the finished map that are farther apart or look elsewhere are not compared."""
-_MOST_PER_NODE = 3
+_MOST_PER_NODE = 8
 """Searches of the finished map for one node."""
 
 
@@ -62,32 +65,70 @@ class Closing:
     ----------
     camera, T_base_camera
         Of all nodes' features; None for a robot without cameras.
+    fixed
+        The map, where it is only localised in; None: everything may move.
     """
 
     def __init__(
-        self, parameters: RtabmapParameters, memory: Memory, camera: Pinhole | None, T_base_camera: Floats, seed: int
-    ) -> None:
+        self, parameters: RtabmapParameters, memory: Memory, camera: Pinhole | None, T_base_camera: Floats, seed: int,
+        fixed: FixedMap | None = None,
+    ) -> None:  # fmt: skip
         self._parameters, self._memory = parameters, memory
         self._camera, self._seed = camera, seed
         self.T_base_camera = T_base_camera
         self._settings = visual_settings(parameters.vis, parameters.reg)
         optimizer, gtsam = parameters.optimizer, parameters.gtsam
-        self._optimiser = GraphOptimiser(graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof))
+        settings = graph_settings(optimizer, gtsam, planar=parameters.reg.force_3dof)
+        self.fixed = fixed if fixed is not None else FixedMap([], sigma=1.0)
+        """Nodes that keep their poses."""
+        self._optimiser = GraphOptimiser(replace(settings, priors_ignored=False) if self.fixed.ids else settings)
+        robust = replace(self._optimiser.settings, robust=True, incremental=False)
+        self._sorter = GraphOptimiser(robust)
+        self._last_check = ClosureCheck(parameters.rgbd, robust=True)
         self._scan_settings = ScanSettings.of(parameters)
         self._scan_proximity = ScanProximity(parameters)
-        self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust)
+        self._joining = ScanJoining(parameters, lambda node_id: memory.recall(node_id).scan)
+        self._localising = bool(self.fixed.ids)
+        self._check = ClosureCheck(parameters.rgbd, robust=parameters.optimizer.robust, localising=self._localising)
         markers = parameters.rgbd.marker_detection and camera is not None
         self._markers = MarkerFinder(parameters.marker) if markers else None
         self._marker_priors = {link.from_id: link for link in prior_links(parameters.marker)} if markers else {}
         self.records: list[ClosureRecord] = []
         """Places that were compared, with what came of it."""
+        self.sights = Sights()
+        """Some of them, for pictures."""
 
-    def optimise(self, ids: Sequence[int], graph: MapGraph, links: Sequence[Link] | None = None) -> OptimisedGraph:
-        """Return where links among some nodes agree best, all that the graph has unless told; nothing is changed."""
+    @property
+    def sees(self) -> bool:
+        """Whether the robot has a camera."""
+        return self._camera is not None
+
+    def optimise(
+        self,
+        ids: Sequence[int],
+        graph: MapGraph,
+        links: Sequence[Link] | None = None,
+        *,
+        by: GraphOptimiser | None = None,
+    ) -> OptimisedGraph:
+        """Return where links among some nodes agree best, all that the graph has unless told; nothing is changed.
+
+        Of a fixed map only the nodes that links tie to others are in it, where they are.
+        """
         poses = np.array([graph.T_map_base[node_id] for node_id in ids])
-        root = graph_root(ids, from_end=self._parameters.rgbd.optimize_from_graph_end)
         used = graph.links_among(ids) if links is None else links
-        return self._optimiser.optimise(ids, poses, used, root=root)
+        if self.fixed.ids:
+            part = self.fixed.part(ids, poses, used)
+            ids, poses, used = part.ids, part.T_map_base, part.links
+        root = graph_root(ids, from_end=self._parameters.rgbd.optimize_from_graph_end)
+        return (by or self._optimiser).optimise(ids, poses, used, root=root)
+
+    def sort_out(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
+        """Return which of many proposed closures agree with each other and the graph, all taken together (Optimizer/Robust)."""
+        new = [proposal.link for proposal in proposals]
+        return self._last_check.judge(
+            lambda links: self.optimise(ids, graph, links, by=self._sorter), graph.links_among(ids), new
+        )
 
     def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
         """Return which of the proposed closures, which the graph does not have yet, it can bear."""
@@ -98,13 +139,16 @@ class Closing:
         """Keep what became of proposals, for the report."""
         reasons = {(link.from_id, link.to_id): reason for link, reason in verdict.refused}
         for proposal in proposals:
-            link = proposal.link
+            link, found = proposal.link, proposal.registration
+            reason = reasons.get((link.from_id, link.to_id), "")
             self.records.append(
                 closure_record(
-                    link, proposal.stamp_ns, proposal.registration, reason=reasons.get((link.from_id, link.to_id), ""),
-                    posterior=proposal.posterior, ratio=verdict.ratio,
+                    link, proposal.stamp_ns, found, reason=reason, posterior=proposal.posterior, ratio=verdict.ratio
                 )
-            )  # fmt: skip
+            )
+            if not proposal.by_scans:
+                ends = (self._memory.signature(link.from_id), self._memory.signature(link.to_id))
+                self.sights.offer(*ends, link.kind, found, reason)
 
     def by_looks(self, node: Signature, hypothesis: Hypothesis, graph: MapGraph) -> list[Proposal]:
         """Return the closure with the place that the node most likely shows, if it is accepted and its geometry holds."""
@@ -164,10 +208,11 @@ class Closing:
     def _near_by_looks(self, node: Signature, graph: MapGraph) -> list[Proposal]:
         rgbd, memory = self._parameters.rgbd, self._memory
         held = (memory.signature(node_id) for node_id in memory.short_term if node_id != node.id)
+        poses, tied = graph.part(memory.held)
         matches = [
-            *visual_proximity_in_time(node, graph.links, [old for old in held if old is not None], self._register, rgbd),
+            *visual_proximity_in_time(node, tied, [old for old in held if old is not None], self._register, rgbd),
             *visual_proximity(
-                node, graph.T_map_base, graph.links, memory.signature, self._register, rgbd,
+                node, poses, tied, memory.signature, self._register, rgbd,
                 among=memory.working, last_closure=memory.last_closure,
             ),
         ]  # fmt: skip
@@ -177,12 +222,23 @@ class Closing:
     def _near_by_scans(self, node: Signature, graph: MapGraph) -> list[Proposal]:
         memory = self._memory
         matches = self._scan_proximity.links(
-            node.id, graph, self._scan_of, among=memory.working, last_closure=memory.last_closure
-        )
+            node.id, graph, self._scan_of, among=memory.working, held=memory.held, last_closure=memory.last_closure,
+            localising=self._localising,
+        )  # fmt: skip
         found = (
             self._proposal(match.near_id, node, match.kind, match.registration, by_scans=True) for match in matches
         )
-        return [proposal for proposal in found if proposal is not None]
+        return [*self._joined_by_scans(node, graph), *(proposal for proposal in found if proposal is not None)]
+
+    def _joined_by_scans(self, node: Signature, graph: MapGraph) -> list[Proposal]:
+        """Return the closure with an older map that nothing ties this one to yet, where scans are all there is."""
+        joining = self._joining.closure(node.id, graph, self._memory.working) if self._camera is None else None
+        if joining is None:
+            return []
+        proposal = self._proposal(
+            joining.old_id, node, LinkKind.LOCAL_SPACE_CLOSURE, joining.registration, by_scans=True
+        )
+        return [] if proposal is None else [proposal]
 
     def _scan_of(self, node_id: int) -> NodeScan | None:
         held = self._memory.signature(node_id)
@@ -243,6 +299,8 @@ class Closing:
         """Return a closure that can be proposed; what failed is noted."""
         if found.T_a_b is None:
             self.records.append(closure_record((old_id, node.id, kind), node.stamp_ns, found, posterior=posterior))
+            if kind == LinkKind.GLOBAL_CLOSURE:
+                self.sights.offer(self._memory.signature(old_id), node, kind, found, found.reason)
             return None
         return Proposal(
             link=closure_link(old_id, node.id, kind, found),

@@ -68,7 +68,7 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         spatial=not settled.reg.force_3dof,
         keep_scans=True,
         clouds_as_scans=taken.flat and taken.num_clouds > 0,
-        samples_first=True,
+        samples_first=not _in_recorded_order(settled, taken),
         odometry=taken.odometry,
         imu=taken.imu,
         landmarks=offer.landmarks and not settled.optimizer.landmarks_ignored,
@@ -77,6 +77,15 @@ def plan_inputs(parameters: RtabmapParameters, given: Collection[str], offer: Se
         map_frame=settled.node.map_frame_id,
         camera_mode=taken.cameras,
     )
+
+
+def _in_recorded_order(settled: RtabmapParameters, taken: _Taken) -> bool:
+    """Return whether planar scans are aligned when the recording has ended.
+
+    Where clocks run backwards again and again only the order in which scans and odometry were recorded tells which
+    belong together.
+    """
+    return taken.cameras is None and settled.slamcli.odometry == "scan" and settled.reg.force_3dof
 
 
 def _taken(node: NodeGroup, given: Collection[str], offer: SensorOffer, log: RunLog) -> _Taken:

@@ -28,8 +28,6 @@ class Keeping:
     def __init__(self, database: Database, parameters: RtabmapParameters) -> None:
         self.database = database
         self._mem, self._working_state = parameters.mem, parameters.rtabmap.save_wm_state
-        self.fixed = database.mode == "read"
-        """Whether nothing is written."""
 
     def add(self, signature: Signature, node: NodeInput) -> None:
         """Write a node."""

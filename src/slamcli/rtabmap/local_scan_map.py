@@ -62,6 +62,8 @@ class Sought:
     """Standard deviations of the guess."""
     before: Sequence[tuple[Floats, NodeScan]] = ()
     """Scans of nodes before it with their poses (4, 4) seen from it, by odometry: they support a search."""
+    least_score: float = 0.45
+    """Of a search in the plane: mean probability, 0.1 to 0.9, of the cells that the points must fall in; more is faster."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,7 +131,9 @@ class PlanarScanMap:
         before = [(se3.to_se2(T), self._settings.planar(other)) for T, other in sought.before]
         around = [se2.transform_points(pose, other.points[::_SUPPORT_POINTS]) for pose, other in before]
         window = Window(
-            reach_m=min(3.0 * sought.sigma_m + 0.2, reach_m), reach_rad=min(3.0 * sought.sigma_rad + 0.1, _WIDEST_RAD)
+            reach_m=min(3.0 * sought.sigma_m + 0.2, reach_m),
+            reach_rad=min(3.0 * sought.sigma_rad + 0.1, _WIDEST_RAD),
+            least_score=sought.least_score,
         )
         far = self._merged.search(scan, np.concatenate([np.zeros((0, 2)), *around]), guess, window)
         if far is None:

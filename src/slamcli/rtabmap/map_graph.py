@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,16 +54,26 @@ class MapGraph:
 
     def remove_links(self, unwanted: Iterable[Link]) -> None:
         """Forget links."""
+        unwanted = list(unwanted)
+        if not unwanted:
+            return
         gone = {id(link) for link in unwanted}
         self.links = [link for link in self.links if id(link) not in gone]
-        for end, links in self._linked.items():
-            self._linked[end] = [link for link in links if id(link) not in gone]
+        for end in {end for link in unwanted for end in (link.from_id, link.to_id)}:
+            self._linked[end] = [link for link in self._linked[end] if id(link) not in gone]
 
-    def replace_link(self, old: Link, new: Link) -> None:
-        """Put a better measurement between the same ends in the place of an old one."""
-        self.links = [new if link is old else link for link in self.links]
-        for end in {old.from_id, old.to_id}:
-            self._linked[end] = [new if link is old else link for link in self._linked[end]]
+    def replace_links(self, pairs: Iterable[tuple[Link, Link]]) -> None:
+        """Put better measurements (second of each pair) between the same ends in the places of old ones (first)."""
+        better = {id(old): new for old, new in pairs}
+        self.links = [better.get(id(link), link) for link in self.links]
+        for end, links in self._linked.items():
+            self._linked[end] = [better.get(id(link), link) for link in links]
+
+    def remove_node(self, node_id: int) -> None:
+        """Take out a node or landmark, and its links."""
+        self.remove_links(self._linked[node_id])
+        self.nodes.pop(node_id, None)
+        del self.T_map_base[node_id], self._linked[node_id]
 
     def merge(self, gone: int, kept: int) -> None:
         """Take a node out of the graph whose place another one holds; its links lead there now (RTAB-Map: neighbour merged)."""
@@ -105,10 +115,23 @@ class MapGraph:
                     waiting.append(other)
         return sorted(found)
 
-    def links_among(self, ids: Sequence[int]) -> list[Link]:
-        """Return the links whose ends are both among some nodes, in their order."""
-        wanted = set(ids)
-        return [link for link in self.links if link.from_id in wanted and link.to_id in wanted]
+    def links_among(self, ids: Collection[int]) -> list[Link]:
+        """Return the links whose ends are both among some nodes, in the order of those that they lead to; only these are looked at."""
+        wanted = ids if isinstance(ids, (set, frozenset)) else set(ids)
+        return [
+            link
+            for node_id in sorted(wanted)
+            for link in self._linked.get(node_id, ())
+            if max(link.from_id, link.to_id) == node_id and min(link.from_id, link.to_id) in wanted
+        ]
+
+    def part(self, ids: Collection[int] | None) -> tuple[Mapping[int, Floats], Sequence[Link]]:
+        """Return the poses of some nodes and the links among them; of all nodes and landmarks where `ids` is None."""
+        if ids is None:
+            return self.T_map_base, self.links
+        return {node_id: self.T_map_base[node_id] for node_id in ids if node_id in self.T_map_base}, self.links_among(
+            ids
+        )
 
     def place(self, ids: Sequence[int], T_map_base: Floats) -> None:
         """Set the poses (N, 4, 4) of some nodes."""

@@ -53,12 +53,8 @@ class Memory:
     """
 
     def __init__(self, parameters: RtabmapParameters, store: LongTermStore | None = None) -> None:
-        self._rtabmap, self._mem, self._kp, self._rgbd = (
-            parameters.rtabmap,
-            parameters.mem,
-            parameters.kp,
-            parameters.rgbd,
-        )
+        p = parameters
+        self._rtabmap, self._mem, self._kp, self._rgbd = p.rtabmap, p.mem, p.kp, p.rgbd
         self._store = store
         self.dictionary = Dictionary(dictionary_settings(parameters.kp))
         self._reach = len(parameters.bayes.prediction) - 1
@@ -78,6 +74,11 @@ class Memory:
     def bounded(self) -> bool:
         """Whether nodes go to long-term memory when there are too many or an update takes too long."""
         return self._store is not None and (self._rtabmap.memory_thr > 0 or self._rtabmap.time_thr > 0.0)
+
+    @property
+    def held(self) -> frozenset[int] | None:
+        """Ids of all nodes in memory; None where memory is not bounded: then the whole graph counts."""
+        return frozenset(self._held.signatures) if self.bounded else None
 
     @property
     def short_term(self) -> list[int]:
@@ -231,15 +232,21 @@ class Memory:
                 self.forget(oldest)
                 reduced.append((oldest, held_by))
             else:
-                self._short_term.pop(0)
-                self._use(oldest)
+                self._outlive(oldest)
         return tuple(reduced)
 
     def begin_session(self) -> None:
         """Move all of short-term memory into working memory: what comes next is another session, which may be elsewhere."""
-        for node in self._short_term:
-            self._use(node)
-        self._short_term = []
+        for node in self.short_term:
+            self._outlive(node)
+
+    def _outlive(self, node: int) -> None:
+        """Move a node from short-term memory into working memory; where the map is fixed it goes."""
+        if not self._mem.incremental_memory:
+            self.forget(node)
+            return
+        self._short_term.remove(node)
+        self._use(node)
 
     def forget(self, node_id: int) -> None:
         """Take a node out of memory for good; the graph and the database are the caller's."""
@@ -311,7 +318,9 @@ class Memory:
             in_time = search(in_time=True)
             self._immune.update(node for node in in_time if node not in self._short_term)
             wanted += in_time + search(in_time=False)
-        absent = [node for node in dict.fromkeys(wanted) if node not in self._held.signatures][:most]
+        there = self._held
+        absent = [node for node in dict.fromkeys(wanted) if node in there.weights and node not in there.signatures]
+        absent = absent[:most]
         self._bring_back(absent)
         self._immune.update(absent)
         return absent
@@ -352,14 +361,7 @@ class Memory:
             self._release(node)
         return gone
 
-    def restore(
-        self,
-        weights: Mapping[int, int],
-        working: Collection[int],
-        *,
-        last_word: int = 0,
-        known: Collection[int] | None = None,
-    ) -> None:
+    def restore(self, weights: Mapping[int, int], working: Collection[int], *, last_word: int = 0) -> None:
         """Begin with the nodes of earlier sessions.
 
         Parameters
@@ -370,11 +372,9 @@ class Memory:
             Nodes that working memory begins with; with `Mem/InitWMWithAllNodes` all.
         last_word
             Highest number of a word that was given.
-        known
-            Nodes of the graph; None: those with a weight.
         """
         self._held.weights.update(weights)
-        self._num_known = len(weights if known is None else known)
+        self._num_known = len(weights)
         self.dictionary.last_id = max(self.dictionary.last_id, last_word)
         self._bring_back(sorted(weights if self._mem.init_wm_with_all_nodes else working))
         self._num_added = 0

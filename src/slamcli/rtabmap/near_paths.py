@@ -40,8 +40,8 @@ def near_paths(
     last_closure
         Node that the robot was last found at; 0: none.
     """
-    allowed = T_map_base.keys() if among is None else set(among)
-    ids = np.array(sorted(i for i in T_map_base if i > 0 and i != node_id and i in allowed), np.int64)
+    allowed = T_map_base.keys() if among is None else among
+    ids = np.array(sorted(i for i in allowed if i > 0 and i != node_id and i in T_map_base), np.int64)
     if not len(ids):
         return []
     places = np.array([T_map_base[i][:3, 3] for i in ids.tolist()])

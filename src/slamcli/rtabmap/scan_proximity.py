@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -34,6 +34,8 @@ _TURNED_RAD = 0.5
 """A node of a path that turned so far since the last one taken is taken too: it saw something else."""
 _SUPPORTING = 8
 """Nodes before the new one whose scans support a search."""
+_KNOWN_M, _KNOWN_RAD = 0.05, 0.03
+"""Standard deviations from which a closure would hardly tell anything new (intel: half the closures, the same error)."""
 _CONFIRMED_M, _CONFIRMED_RAD = 0.25, 0.05
 """How well a second closure must agree with a first that moved the robot far."""
 _CONFIRMED_WITHIN = 5
@@ -74,7 +76,7 @@ class ScanProximity:
     Notes
     -----
     RTAB-Map registers at most ``RGBD/ProximityPathFilteringRadius`` from the path. Here a path is compared that the robot may be at by
-    what the graph knows (three standard deviations); planar scans are then searched for. A closure that such a search found farther
+    what the graph knows (three standard deviations), and none whose place is known within 5 cm and 0.03 rad already; planar scans are then searched for. A closure that such a search found farther
     off than that radius must be confirmed by a second one, within five nodes, that agrees with it: then that one is
     returned.
     """
@@ -87,7 +89,8 @@ class ScanProximity:
         self._pending: list[_Pending] = []
 
     def links(
-        self, new_id: int, graph: MapGraph, scan_of: ScanOf, *, among: Collection[int], last_closure: int = 0, localising: bool = False
+        self, new_id: int, graph: MapGraph, scan_of: ScanOf, *, among: Collection[int], held: Collection[int] | None = None,
+        last_closure: int = 0, localising: bool = False,
     ) -> list[ScanProximityMatch]:  # fmt: skip
         """Return how a node's scan compares with the paths near it, accepted or not, newest path first.
 
@@ -97,6 +100,8 @@ class ScanProximity:
             With the node in it; poses are those of the last optimisation.
         among
             Nodes of working memory, without short-term memory.
+        held
+            Nodes of short-term and working memory: links among them alone are followed. None: all.
         last_closure
             Node that the robot was last found at; 0: none.
         localising
@@ -105,10 +110,11 @@ class ScanProximity:
         s, scan = self._rgbd, scan_of(new_id)
         if not s.proximity_by_space or s.proximity_path_max_neighbors <= 0 or scan is None or not len(scan.points):
             return []
-        paths = near_paths(new_id, graph.T_map_base, graph.links, s, among=among, last_closure=last_closure)
+        poses, tied = graph.part(held)
+        paths = near_paths(new_id, poses, tied, s, among=among, last_closure=last_closure)
         if not paths:
             return []
-        ways = WaysFromNode(new_id, graph.T_map_base, graph.links, self._variances)
+        ways = WaysFromNode(new_id, poses, tied, self._variances)
         if localising and s.proximity_global_scan_map:
             paths = [sorted(set().union(*paths))]
         matches: list[ScanProximityMatch] = []
@@ -135,6 +141,8 @@ class ScanProximity:
         near_id = path[int(np.argmin(distances))]
         sigma_m, sigma_rad = (math.sqrt(v) for v in ways.variances(near_id))
         if graph.are_linked(new_id, near_id) or not math.isfinite(sigma_m):
+            return None
+        if sigma_m < _KNOWN_M and sigma_rad < _KNOWN_RAD:
             return None
         if s.proximity_path_filtering_radius and min(distances) > s.proximity_path_filtering_radius + 3.0 * sigma_m:
             return None
@@ -165,10 +173,8 @@ class ScanProximity:
         self, path: list[int], near_id: int, graph: MapGraph, scan_of: ScanOf, *, whole: bool
     ) -> tuple[tuple[int, ...], LocalScanMap | None]:
         """Return the merged scans of a path about a node, in that node's frame, and whose they are."""
-        poses = (
-            _by_odometry(path, graph)
-            if self._rgbd.proximity_path_raw_poses_used and not whole
-            else dict(graph.T_map_base)
+        poses: Mapping[int, Floats] = (
+            _by_odometry(path, graph) if self._rgbd.proximity_path_raw_poses_used and not whole else graph.T_map_base
         )
         ids = tuple(
             self._members(path, near_id, poses, len(path) if whole else self._rgbd.proximity_path_max_neighbors)
@@ -191,7 +197,7 @@ class ScanProximity:
                 self._maps.popitem(last=False)
         return ids, merged
 
-    def _members(self, path: list[int], near_id: int, poses: dict[int, Floats], most: int) -> list[int]:
+    def _members(self, path: list[int], near_id: int, poses: Mapping[int, Floats], most: int) -> list[int]:
         """Return the node and those around it on the path, to both sides, that are a filtering radius apart."""
         spacing, middle = self._rgbd.proximity_path_filtering_radius, path.index(near_id)
         members = [near_id]

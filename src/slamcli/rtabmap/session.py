@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.rtabmap.closing import Closing, Proposal, information_of
+from slamcli.rtabmap.closure_check import Verdict
 from slamcli.rtabmap.frame_track import FrameTrack
+from slamcli.rtabmap.graph import OptimisedGraph
 from slamcli.rtabmap.gravity import gravity_link
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping
@@ -72,6 +74,11 @@ class Session:
         """Ids of the nodes of this run, increasing."""
         return [node_id for node_id in self.graph.nodes if node_id >= self._first_id]
 
+    @property
+    def localising(self) -> bool:
+        """Whether the map is fixed."""
+        return not self.parameters.mem.incremental_memory
+
     def update(self, node: NodeInput) -> int | None:
         """Take what may become a node; return its id, or None if the robot has not moved since the last one."""
         signature = self._signature(node)
@@ -80,8 +87,10 @@ class Session:
             return None
         if self._is_useless(signature):
             return None
+        waits = self._waits()
         self._extend(signature, node)
-        self.keeping.add(signature, node)
+        if not waits:
+            self.keeping.add(signature, node)
         added = self.memory.add(signature, self.graph)
         for gone, kept in added.reduced:
             self._merge(gone, kept)
@@ -97,6 +106,11 @@ class Session:
             *self.closing.by_place(signature, self.graph),
         ]
         accepted, optimised = self._close(signature.id, proposals)
+        if waits and not accepted:
+            self._take_back(signature.id)
+            return None
+        if waits:
+            self.keeping.add(signature, node)
         work = update_work(
             signature, self.memory.sizes(), retrieved=len(retrieved), registrations=len(proposals), optimised=optimised
         )
@@ -119,6 +133,21 @@ class Session:
         self.keeping.end_update(self.memory, self.records[-1])
         return signature.id
 
+    def _waits(self) -> bool:
+        """Return whether the next node is kept only if a closure ties it to a map (Rtabmap/StartNewMapOnLoopClosure)."""
+        wanted = self.parameters.rtabmap.start_new_map_on_loop_closure and not self.localising
+        return wanted and self._previous is None and bool(self.graph.nodes) and self.closing.sees
+
+    def _take_back(self, node_id: int) -> None:
+        """Forget a node that does not begin a map after all."""
+        self.keeping.unlink(self.graph.links_of(node_id))
+        self.memory.forget(node_id)
+        for landmark in [other for other in self.graph.neighbours(node_id) if other < 0]:
+            if self.graph.neighbours(landmark) == [node_id]:
+                self.graph.remove_node(landmark)
+        self.graph.remove_node(node_id)
+        self._next_id -= 1
+
     def finish(self, track: FrameTrack) -> None:
         """Tie nodes by the odometry as it is known in the end, look once more for places, and optimise everything."""
         self._use_final_odometry(track)
@@ -134,15 +163,15 @@ class Session:
 
     def _search_again(self) -> bool:
         """Return whether the finished map showed places that no closure tied yet."""
-        found = False
-        for proposals in self.closing.in_the_end(self.graph, self.own_nodes):
-            accepted, _ = self._close(proposals[0].link.to_id, proposals, everything=True)
-            found = found or bool(accepted)
-        return found
+        proposals = [one for found in self.closing.in_the_end(self.graph, self.own_nodes) for one in found]
+        if not proposals:
+            return False
+        ids = self._scope([end for one in proposals for end in (one.link.from_id, one.link.to_id)], everything=True)
+        return bool(self._take(proposals, self.closing.sort_out(ids, self.graph, proposals)))
 
     def _merge(self, gone: int, kept: int) -> None:
         """Let one node stand for another that saw the same."""
-        old = [link for link in self.graph.links if gone in (link.from_id, link.to_id)]
+        old = list(self.graph.links_of(gone))
         before = len(self.graph.links) - len(old)
         self.graph.merge(gone, kept)
         self.keeping.unlink(old)
@@ -205,17 +234,20 @@ class Session:
             self.graph.add_link(link)
             self.keeping.link([link])
 
-    def _close(
-        self, node_id: int, proposals: Sequence[Proposal], *, everything: bool = False
-    ) -> tuple[list[Proposal], int]:
+    def _close(self, node_id: int, proposals: Sequence[Proposal]) -> tuple[list[Proposal], int]:
         """Return the closures that the graph bears, and how many nodes the optimisation moved."""
         if not proposals:
             return [], 0
         ends = [node_id, *(end for one in proposals for end in (one.link.from_id, one.link.to_id))]
-        ids = self._scope(ends, everything=everything)
+        ids = self._scope(ends)
         verdict = self.closing.judge(ids, self.graph, proposals)
         if verdict.graph is None and len(proposals) > 1:  # one wrong closure must not take the right ones along
-            return self._one_by_one(node_id, proposals, everything=everything)
+            return self._one_by_one(node_id, proposals)
+        accepted = self._take(proposals, verdict)
+        return accepted, 0 if verdict.graph is None else verdict.graph.moved
+
+    def _take(self, proposals: Sequence[Proposal], verdict: Verdict) -> list[Proposal]:
+        """Put into the graph what a verdict accepts, and nodes where it has them; return the accepted closures."""
         self.graph.remove_links(verdict.dropped)
         self.keeping.unlink(verdict.dropped)
         for link in verdict.accepted:
@@ -223,23 +255,20 @@ class Session:
         self.keeping.link(verdict.accepted)
         self.closing.note(proposals, verdict)
         if verdict.graph is None:
-            return [], 0
-        self.graph.place(ids, verdict.graph.T_map_base)
+            return []
+        self._place(verdict.graph)
         taken = {(link.from_id, link.to_id) for link in verdict.accepted}
         accepted = [proposal for proposal in proposals if (proposal.link.from_id, proposal.link.to_id) in taken]
         for proposal in accepted:
-            if proposal.link.kind == LinkKind.LANDMARK:
-                continue
-            self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
-        return accepted, verdict.graph.moved
+            if proposal.link.kind != LinkKind.LANDMARK:
+                self.memory.closed(proposal.link.from_id, proposal.link.to_id, by_scans=proposal.by_scans)
+        return accepted
 
-    def _one_by_one(
-        self, node_id: int, proposals: Sequence[Proposal], *, everything: bool
-    ) -> tuple[list[Proposal], int]:
+    def _one_by_one(self, node_id: int, proposals: Sequence[Proposal]) -> tuple[list[Proposal], int]:
         """Return which closures the graph bears if they are tried one after the other, the best seen first."""
         accepted, moved = [], 0
         for proposal in sorted(proposals, key=lambda one: -one.registration.num_inliers):
-            taken, count = self._close(node_id, [proposal], everything=everything)
+            taken, count = self._close(node_id, [proposal])
             accepted += taken
             moved = max(moved, count)
         return accepted, moved
@@ -247,7 +276,7 @@ class Session:
     def _scope(self, ends: Sequence[int], *, everything: bool = False) -> list[int]:
         """Return which nodes an optimisation moves: those tied to some nodes by links, among what the memory holds."""
         bounded = self.memory.bounded and not everything
-        held = {*self.memory.short_term, *self.memory.working, *ends} if bounded else None
+        held = {*(self.memory.held or ()), *ends} if bounded else None
         found: set[int] = set()
         for end in ends:
             if end not in found:
@@ -259,14 +288,23 @@ class Session:
         waiting = set(self.graph.nodes)
         while waiting:
             ids = self.graph.component(min(waiting))
-            self.graph.place(ids, self.closing.optimise(ids, self.graph).T_map_base)
+            if not set(ids) <= self.closing.fixed.ids:
+                self._place(self.closing.optimise(ids, self.graph))
             waiting -= set(ids)
+
+    def _place(self, optimised: OptimisedGraph) -> None:
+        """Take over where nodes are; those of a fixed map stay, to the last bit."""
+        fixed = self.closing.fixed.ids
+        rows = [row for row, node_id in enumerate(optimised.ids) if node_id not in fixed]
+        self.graph.place([optimised.ids[row] for row in rows], optimised.T_map_base[rows])
 
     def _use_final_odometry(self, track: FrameTrack) -> None:
         """Measure the links between neighbours anew by what odometry knows in the end."""
         if not track.refined:
             return
-        for link in list(self.graph.links):
+        better: list[tuple[Link, Link]] = []
+        for link in self.graph.links:
             first, second = track.node_pose(link.from_id), track.node_pose(link.to_id)
             if link.kind in (LinkKind.NEIGHBOR, LinkKind.NEIGHBOR_MERGED) and first is not None and second is not None:
-                self.graph.replace_link(link, replace(link, T_from_to=se3.inverse(first) @ second))
+                better.append((link, replace(link, T_from_to=se3.inverse(first) @ second)))
+        self.graph.replace_links(better)

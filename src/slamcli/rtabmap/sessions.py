@@ -13,6 +13,7 @@ from slamcli.mapper import Setup
 from slamcli.rtabmap.closing import Closing
 from slamcli.rtabmap.database import Database, StorageSettings
 from slamcli.rtabmap.dictionary_file import Words, read_dictionary
+from slamcli.rtabmap.fixed_map import FixedMap
 from slamcli.rtabmap.fronts import Front
 from slamcli.rtabmap.hypothesis import LoopDetector
 from slamcli.rtabmap.keeping import Keeping, parameters_text
@@ -37,9 +38,14 @@ def open_session(parameters: RtabmapParameters, setup: Setup, front: Front) -> S
     memory = Memory(parameters, database)
     memory.dictionary.add_words(*words)
     graph = MapGraph()
+    all_placed = True
     if setup.database is not None and setup.database.append:
-        restore(database, graph, memory)
-    closing = Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed)
+        all_placed = restore(database, graph, memory)
+    if not all_placed:
+        optimise_maps(graph, Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed))
+    known = () if parameters.mem.incremental_memory else graph.T_map_base
+    fixed = FixedMap(tuple(known), sigma=parameters.rgbd.localization_prior_error)
+    closing = Closing(parameters, memory, front.camera, front.T_base_camera, setup.seed, fixed)
     keeping = Keeping(database, parameters)
     detector = LoopDetector(parameters, memory, seed=setup.seed)
     return Session(
@@ -59,8 +65,13 @@ def _fixed_words(parameters: RtabmapParameters, setup: Setup) -> Words:
     raise ConfigError("Kp/IncrementalDictionary is false, but there are no words: Kp/DictionaryPath names the file")
 
 
-def restore(database: Database, graph: MapGraph, memory: Memory) -> None:
-    """Put nodes, links and poses of earlier sessions into the graph, and what memory begins with into memory."""
+def restore(database: Database, graph: MapGraph, memory: Memory) -> bool:
+    """Put nodes, links and poses of earlier sessions into the graph, and what memory begins with into memory.
+
+    Returns
+    -------
+    Whether the database has an optimised pose of every node. A run that was killed leaves none, and maps that were not its result have none.
+    """
     nodes, optimised = database.nodes(), database.optimised()
     placed = {} if optimised is None else dict(zip(optimised.ids.tolist(), optimised.T_map_base, strict=True))
     links = database.links()
@@ -84,6 +95,17 @@ def restore(database: Database, graph: MapGraph, memory: Memory) -> None:
     }
     working = [node_id for node_id in database.last_working_ids().tolist() if node_id in graph.nodes]
     memory.restore(kept, working or list(graph.nodes), last_word=int(words.max(initial=0)))
+    return graph.nodes.keys() <= placed.keys()
+
+
+def optimise_maps(graph: MapGraph, closing: Closing) -> None:
+    """Optimise every map of the graph by itself."""
+    waiting = set(graph.nodes)
+    while waiting:
+        ids = graph.component(min(waiting))
+        optimised = closing.optimise(ids, graph)
+        graph.place(optimised.ids, optimised.T_map_base)
+        waiting -= set(ids)
 
 
 def storage_settings(parameters: RtabmapParameters) -> StorageSettings:

@@ -29,6 +29,9 @@ _SURELY = 100
 """With fewer inliers keyframes are tried by their looks besides the guess, and the best wins."""
 _MANY = 200
 """With so many by looks no other keyframe is tried."""
+_KEEPS = 0.8
+"""So too, with the newest of them alone, where a frame has fewer than this share of the inliers of the one before: a guess that is off,
+as where a turn begins, finds its like in what repeats."""
 _NEWEST = 6
 """Keyframes that are tried by their looks; for a frame that these do not explain, others that look like it as well."""
 
@@ -63,6 +66,8 @@ class VisualOdometry:
         """Stamp and number of the frame that became the newest keyframe."""
         self._kept = 0
         """Points that the newest keyframe sees."""
+        self._held = 0
+        """Inliers of the last frame that has a pose."""
         self._num_lost = 0
         """Frames in a row."""
 
@@ -112,7 +117,11 @@ class VisualOdometry:
         """Find out where the frame was taken; None: it is lost."""
         best = self._matcher.by_guess(self._map, features, grid, self._guess.predicted(stamp_ns, self._T_last, guess))
         if best is not None and best.num_inliers >= _SURELY:
-            return best
+            enough = int(_KEEPS * self._held)
+            if best.num_inliers >= enough:
+                return best
+            newest = self._map.keyframes[-1:]
+            return self._matcher.by_looks(self._map, features, grid, newest, best, self._number, enough)
         newest = self._map.keyframes[: -_NEWEST - 1 : -1]
         best = self._matcher.by_looks(self._map, features, grid, newest, best, self._number, _MANY)
         if best is None:
@@ -136,7 +145,7 @@ class VisualOdometry:
         self._map.note_sightings(match.points, match.visible, self._number)
         self._guess.add(stamp_ns, match.T_camera_odom @ se3.inverse(self._T_last))
         covariance = motion_covariance(match, self._T_base_camera)
-        self._T_last, self._last = match.T_camera_odom, features
+        self._T_last, self._last, self._held = match.T_camera_odom, features, match.num_inliers
         keyframe = self._wants_keyframe(stamp_ns, features, match)
         if keyframe:
             self._T_last = self._add_keyframe(stamp_ns, features, grid, match.T_camera_odom, match.points)

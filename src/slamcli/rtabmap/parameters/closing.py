@@ -55,7 +55,7 @@ class RgbdGroup:
     start_at_origin: bool = switch(
         "StartAtOrigin",
         False,
-        "localisation begins at the map's origin instead of where the last session ended; here closures alone tell where",
+        "localisation begins at the map's origin instead of where the last session ended; here places known again alone tell where",
         effective=False,
     )
     goal_reached_radius: float = length(
@@ -125,11 +125,10 @@ class RgbdGroup:
     localization_prior_error: float = number(
         "LocalizationPriorError",
         0.001,
-        "standard deviation of the map's poses in that; here they count by their own links",
+        "standard deviation with which the map's poses are held in that",
         "m, rad",
         1e-9,
         1e3,
-        effective=False,
     )
     localization_second_try_without_proximity_links: bool = switch(
         "LocalizationSecondTryWithoutProximityLinks",
