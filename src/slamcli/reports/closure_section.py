@@ -60,7 +60,9 @@ def _cards(closures: Sequence[PlaceClosure], *, sees: bool) -> list[tuple[str, s
         "near in time": "ties to the latest nodes",
     }
     found = [
-        (f"{accepted.pop(kind, 0):,}", name, False) for kind, name in words.items() if accepted[kind] or (sees and kind == "loop")
+        (f"{accepted.pop(kind, 0):,}", name, False)
+        for kind, name in words.items()
+        if accepted[kind] or (sees and kind == "loop")
     ]
     found += [(f"{count:,}", f"closures, {kind}", False) for kind, count in sorted(accepted.items()) if count]
     return [*found, (f"{refused:,}", "refused", False)]

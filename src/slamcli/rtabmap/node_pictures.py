@@ -34,9 +34,7 @@ def node_views(database: Database, ids: Sequence[int], stamps_ns: NDArray[np.int
     return tuple(found)
 
 
-def place_views(
-    database: Database, sights: Sights, stamp_of: dict[int, int], first_own: int
-) -> tuple[PlaceView, ...]:
+def place_views(database: Database, sights: Sights, stamp_of: dict[int, int], first_own: int) -> tuple[PlaceView, ...]:
     """Return both sides of at most six closures, loops before those that were near, and of four that were refused.
 
     Parameters
