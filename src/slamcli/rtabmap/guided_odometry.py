@@ -81,4 +81,4 @@ class GuidedOdometry:
             return lost
         self._carried[lost.stamp_ns] = (self._last[0], motion)
         pose = self._last[1] @ motion
-        return replace(lost, T_odom_base=pose, covariance=motion_covariance(motion), adds_up=False)
+        return replace(lost, T_odom_base=pose, covariance=motion_covariance(motion), adds_up=False, carried=True)
