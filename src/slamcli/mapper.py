@@ -17,6 +17,7 @@ from slamcli.grids.octree import Octree
 from slamcli.measurements import CameraRig, Measurement, PointCloud
 from slamcli.posegraph import LoopSearch, MapState
 from slamcli.posegraph.keyframe_graph import KeyframeGraph
+from slamcli.posegraph.place_closure import PlaceClosure
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 from slamcli.vision.pictures import KeyframeView, PlaceView
@@ -56,6 +57,8 @@ class MappingResult:
     """What is free and what is occupied in space."""
     views: DepthViews | None = None
     """What the cameras saw at the nodes, for dense models; None: the recording is read again."""
+    closures: tuple[PlaceClosure, ...] = ()
+    """Closures that a tier with a memory of places tried, accepted or not, in their order."""
     database: Path | None = None
     """The long-term memory of a tier that keeps one (`Setup.database`), closed."""
 

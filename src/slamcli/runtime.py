@@ -44,6 +44,8 @@ class RunLog:
         self.notes: list[str] = []
         self.counts: Counter[str] = Counter()
         self.seconds: dict[str, float] = {}
+        self.laps: dict[str, list[float]] = {}
+        """Seconds of each of many like pieces of work, in their order."""
 
     def warn(self, message: str) -> None:
         """Keep a warning unless it was already given."""
@@ -64,6 +66,10 @@ class RunLog:
             yield
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def lap(self, name: str, seconds: float) -> None:
+        """Keep how long one of many like pieces of work took."""
+        self.laps.setdefault(name, []).append(seconds)
 
 
 def peak_memory_bytes() -> int:

@@ -38,6 +38,8 @@ def test_what_odometry_does_not_know() -> None:
     assert track.at(800_000_000) is None
     assert track.at(950_000_000) is not None
     assert track.at(3_000_000_000) is None  # silent for 3 s
+    assert np.array_equal(track.at(2_090_000_000), track.at(2_000_000_000))
+    assert np.array_equal(track.at(4_910_000_000), track.at(5_000_000_000))
     assert track.at(5_050_000_000) is not None
     assert track.at(5_200_000_000) is None
     assert GivenOdometry().at(0) is None
@@ -54,8 +56,13 @@ def test_late_samples_are_left_out_and_planar_ones_are_flat() -> None:
 def test_covariance_grows_with_the_motion() -> None:
     still, driven = motion_covariance(np.eye(4)), motion_covariance(se3.from_se2(np.array([1.0, 0.0, 0.5])))
     assert np.all(np.diag(still) > 0)
-    assert driven[0, 0] == pytest.approx((0.002 + 0.03 + 0.01 * 0.5) ** 2, rel=1e-9)
+    assert driven[0, 0] == pytest.approx(0.0005**2 + 0.03**2 + 0.01**2 * 0.5, rel=1e-9)
     assert np.all(np.diag(driven) > np.diag(still))
+
+
+def test_many_small_motions_are_as_sure_as_a_large_one() -> None:
+    whole, part = motion_covariance(se3.from_se2(np.array([1.0, 0.0, 0.5]))), se3.from_se2(np.array([0.01, 0.0, 0.005]))
+    np.testing.assert_allclose(100 * np.diag(motion_covariance(part)), np.diag(whole), rtol=0.03)
 
 
 def test_rate_and_motion() -> None:

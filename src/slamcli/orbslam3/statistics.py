@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.runtime import RunLog
+from slamcli.trajectory.gaps import gap_sentence
 
 Steps = Mapping[str, NDArray[Any]]
 
@@ -54,18 +55,9 @@ def tell_gaps(steps: Steps, in_other_maps: int, log: RunLog) -> None:
     in_other_maps
         How many of them were tracked in maps that could not be joined with that of the result.
     """
-    stamps, missing = steps["stamp_ns"], np.flatnonzero(steps["tracked"] == 0)
-    if not len(missing):
+    message = gap_sentence(steps["stamp_ns"], steps["tracked"] > 0)
+    if not message:
         return
-    seconds = (stamps - stamps[0]) / 1e9
-    runs = np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1)
-    spans = [float(seconds[min(run[-1] + 1, len(seconds) - 1)] - seconds[run[0]]) for run in runs]
-    longest = int(np.argmax(spans))
-    message = (
-        f"{len(missing)} of {len(stamps)} frames ({100 * len(missing) / len(stamps):.2g} %) have no pose: "
-        f"the first {seconds[missing[0]]:.2f} s after the recording's first frame, the longest gap {spans[longest]:.2f} s from"
-        f" {seconds[runs[longest][0]]:.2f} s on"
-    )
     if in_other_maps:
         message += (
             f"; {in_other_maps} of them were tracked in other maps, which show no place of this one (see atlas.npz)"

@@ -11,10 +11,11 @@ from typing import Any, Literal
 import numpy as np
 
 from slamcli.formats.atlas_files import write_atlas
+from slamcli.formats.closure_tables import write_closures
 from slamcli.formats.clouds import Colour, write_cloud
 from slamcli.formats.constraint_tables import write_constraints, write_loop_searches
 from slamcli.formats.g2o import graph_of_state, write_g2o
-from slamcli.formats.keyframe_graphs import g2o_of_keyframes, write_covisibility
+from slamcli.formats.keyframe_graphs import g2o_of_keyframes, write_covisibility, write_links
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.octomap import write_octomap
@@ -91,10 +92,15 @@ def write_result(
         write_state(folder / "state.pbstream", result.state)
         write_g2o(folder / "graph.g2o", graph_of_state(result.state))
     if result.keyframe_graph is not None:
-        write_covisibility(folder / "covisibility.csv", result.keyframe_graph)
+        if result.keyframe_graph.T_first_second is None:
+            write_covisibility(folder / "covisibility.csv", result.keyframe_graph)
+        else:
+            write_links(folder / "links.csv", result.keyframe_graph)
         write_g2o(folder / "graph.g2o", g2o_of_keyframes(result.keyframe_graph))
     if result.loop_searches:
         write_loop_searches(folder / "loop_closures.csv", result.loop_searches, result.state)
+    if result.closures:
+        write_closures(folder / "closures.csv", result.closures)
     if result.cloud is not None and choices.cloud_format != "none":
         write_cloud(folder / f"cloud.{choices.cloud_format}", result.cloud, colour=choices.cloud_colour)
     if result.octree is not None:
@@ -136,6 +142,7 @@ def write_records(
         errors=_errors(score), grid=result.grid, declared=declared,
         state=result.state, loop_searches=result.loop_searches, cloud=result.cloud,
         keyframes=result.keyframe_graph, keyframe_views=result.keyframe_views, place_views=result.place_views,
+        closures=result.closures,
     )  # fmt: skip
     (folder / "report.html").write_text(page, encoding="utf-8")
     document = {**run, "steps": step_columns(result.steps)}

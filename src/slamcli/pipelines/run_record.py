@@ -85,6 +85,11 @@ def run_document(
         "outputs": sorted(outputs),
         "timing": {
             "stages_s": {name: round(seconds, 3) for name, seconds in log.seconds.items()},
+            **(
+                {"laps_s": {name: [round(one, 5) for one in laps] for name, laps in log.laps.items()}}
+                if log.laps
+                else {}
+            ),
             "total_s": round(total_s, 3),
             "recording_s": round(duration_s, 3),
             "realtime_factor": round(duration_s / total_s, 2) if total_s > 0 else None,

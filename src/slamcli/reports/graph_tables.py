@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from slamcli.posegraph import LoopSearch
+from slamcli.posegraph.place_closure import without_figures
 from slamcli.reports import page, scales
 from slamcli.reports.graph_arrays import GraphArrays
 
@@ -95,7 +95,7 @@ def rejections(searches: Sequence[LoopSearch], trials: int) -> str:
     by_reason: dict[str, list[float]] = {}
     for search in searches:
         if not search.accepted:
-            by_reason.setdefault(_kind_of(search.reason), []).append(search.score)
+            by_reason.setdefault(without_figures(search.reason) or "rejected", []).append(search.score)
     groups = [("accepted", [s.score for s in searches if s.accepted])]
     groups += sorted(by_reason.items(), key=lambda item: (-len(item[1]), item[0]))
     groups.append(("found nothing", [0.0] * (trials - len(searches))))
@@ -106,11 +106,6 @@ def rejections(searches: Sequence[LoopSearch], trials: int) -> str:
     ]
     columns = ["what became of it", "searches", "share", "median score", "best score"]
     return page.table(columns, rows, numeric=range(1, 5))
-
-
-def _kind_of(reason: str) -> str:
-    """Return a reason without the figures in it, which differ from search to search."""
-    return re.sub(r"\d+(\.\d+)?", "…", reason) or "rejected"
 
 
 def rounds(searches: Sequence[LoopSearch]) -> str:

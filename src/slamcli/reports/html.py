@@ -17,10 +17,14 @@ from slamcli.measurements import PointCloud
 from slamcli.parameters import Declaration
 from slamcli.posegraph import LoopSearch, MapState
 from slamcli.posegraph.keyframe_graph import KeyframeGraph
+from slamcli.posegraph.place_closure import PlaceClosure
 from slamcli.reports import page, scales, step_charts, svg
+from slamcli.reports.closure_section import closure_sections
 from slamcli.reports.cloud_section import cloud_figures
 from slamcli.reports.graph_section import graph_sections
 from slamcli.reports.keyframe_section import keyframe_sections
+from slamcli.reports.memory_section import memory_sections
+from slamcli.reports.node_axis import NodeAxis
 from slamcli.trajectory import Trajectory
 from slamcli.vision.pictures import KeyframeView, PlaceView
 
@@ -43,6 +47,7 @@ def report(
     keyframes: KeyframeGraph | None = None,
     keyframe_views: Sequence[KeyframeView] = (),
     place_views: Sequence[PlaceView] = (),
+    closures: Sequence[PlaceClosure] = (),
 ) -> str:
     """Return the report as HTML; the same input gives the same text.
 
@@ -70,7 +75,9 @@ def report(
     cloud
         The mapped points in the map frame.
     keyframes, keyframe_views, place_views
-        Of a system that sees: the graph of its keyframes, some of them as pictures, and both sides of loops.
+        Of a system that sees: the graph of its keyframes or nodes, some of them as pictures, and both sides of loops.
+    closures
+        Of a system with a memory of places: all that were tried.
     """
     name = _input_name(run)
     title = f"{name} · {run.get('algo', 'slamcli')}"
@@ -85,9 +92,10 @@ def report(
             page.section("Map", _map(map_image)),
             page.section("Points", *cloud_figures(cloud, trajectory)),
             *graph_sections(state, loop_searches, run, grid, trajectory),
-            *keyframe_sections(keyframes, keyframe_views, place_views, grid, trajectory, began_ns),
+            *keyframe_sections(keyframes, keyframe_views, place_views, grid, trajectory, began_ns, closures),
+            *_memory(run, steps or {}, closures, began_ns),
             page.section("Error against ground truth", *_errors(errors, began_ns), _overlay(trajectory, truth)),
-            page.section("Steps", *step_charts.figures(steps or {}, began_ns)),
+            page.section("Steps", *_steps(steps or {}, began_ns)),
             page.section("Time per stage", _timing(run.get("timing") or {})),
             page.section("Notes", page.bullets([str(n) for n in run.get("notes") or ()])),
             page.section("Counts", _pairs(run.get("counts") or {})),
@@ -99,6 +107,21 @@ def report(
             page.section("How to make this again", _reproduce(run)),
         ],
     )
+
+
+def _memory(
+    run: Mapping[str, Any], steps: Mapping[str, NDArray[Any]], closures: Sequence[PlaceClosure], began_ns: int | None
+) -> list[str]:
+    """Return the sections of a system whose steps are the updates of a memory of places."""
+    if "hypothesis" not in steps:
+        return []
+    axis = NodeAxis(steps, began_ns)
+    return [*closure_sections(steps, closures, run, axis), *memory_sections(steps, run, axis)]
+
+
+def _steps(steps: Mapping[str, NDArray[Any]], began_ns: int | None) -> list[str]:
+    """Return the charts of steps, none where they have sections of their own."""
+    return [] if "hypothesis" in steps else step_charts.figures(steps, began_ns)
 
 
 def _began(trajectory: Trajectory | None, steps: Mapping[str, NDArray[Any]] | None) -> int | None:
@@ -263,7 +286,7 @@ def _parameters(run: Mapping[str, Any], declared: Sequence[Declaration]) -> str:
     body = "".join(row for _, row in rows)
     count = sum(not unchanged for unchanged, _ in rows)
     told = f'<p class="soft">{len(rows)} parameters, {count} changed from the default.</p>'
-    return f'{told}<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    return f'{told}<div class="scroll"><table class="parameters"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def _exact(value: Any) -> str:

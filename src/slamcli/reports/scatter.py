@@ -38,18 +38,20 @@ class Points:
     """Class of the colour: ``c0`` to ``c5``, ``r0`` to ``r3``, or ``faint``."""
 
 
-def scatter_chart(title: str, x_label: str, y_label: str, points: Sequence[Points], *, lowest: float) -> str:
-    """Return an ``<svg>`` element of points over a logarithmic y axis, later kinds over earlier ones.
+def scatter_chart(
+    title: str, x_label: str, y_label: str, points: Sequence[Points], *, lowest: float | None = None
+) -> str:
+    """Return an ``<svg>`` element of points, later kinds over earlier ones.
 
-    Values below `lowest` (positive) are drawn at `lowest`, so that exact zeros are seen.
+    With `lowest` (positive) the y axis is logarithmic, and values below are drawn there, so that exact zeros are seen.
     """
-    ys = [np.log10(np.maximum(p.y, lowest)) for p in points]
+    ys = [p.y if lowest is None else np.log10(np.maximum(p.y, lowest)) for p in points]
     x_low, x_high = data_range([p.x for p in points], pad=0.01)
     y_low, y_high = data_range(ys, pad=0.06)
     entries = [(p.label, f"dots {p.kind}") for p in points]
     room = legend_height(entries)
     frame = Frame(x_low, x_high, y_low, y_high, LEFT, TOP + room, _WIDTH - RIGHT, _HEIGHT + room - BOTTOM)
-    parts = [axes(frame, x_label, y_label, log_y=True), legend(entries)]
+    parts = [axes(frame, x_label, y_label, log_y=lowest is not None), legend(entries)]
     parts += [
         f'<path class="dots {p.kind}" d="{_dots(frame.x(p.x), frame.y(y))}"/>' for p, y in zip(points, ys, strict=True)
     ]

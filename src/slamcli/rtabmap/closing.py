@@ -26,6 +26,7 @@ from slamcli.rtabmap.scan_joining import ScanJoining
 from slamcli.rtabmap.scan_proximity import ScanProximity
 from slamcli.rtabmap.scan_registration import refined_by_scans, refined_motion
 from slamcli.rtabmap.scan_settings import ScanSettings
+from slamcli.rtabmap.sights import Sights
 from slamcli.rtabmap.signature import NodeImages, NodeScan, Signature
 from slamcli.rtabmap.visual_proximity import visual_proximity, visual_proximity_in_time
 from slamcli.rtabmap.visual_registration import register_best, register_visual
@@ -94,6 +95,8 @@ class Closing:
         self._marker_priors = {link.from_id: link for link in prior_links(parameters.marker)} if markers else {}
         self.records: list[ClosureRecord] = []
         """Places that were compared, with what came of it."""
+        self.sights = Sights()
+        """Some of them, for pictures."""
 
     @property
     def sees(self) -> bool:
@@ -136,13 +139,16 @@ class Closing:
         """Keep what became of proposals, for the report."""
         reasons = {(link.from_id, link.to_id): reason for link, reason in verdict.refused}
         for proposal in proposals:
-            link = proposal.link
+            link, found = proposal.link, proposal.registration
+            reason = reasons.get((link.from_id, link.to_id), "")
             self.records.append(
                 closure_record(
-                    link, proposal.stamp_ns, proposal.registration, reason=reasons.get((link.from_id, link.to_id), ""),
-                    posterior=proposal.posterior, ratio=verdict.ratio,
+                    link, proposal.stamp_ns, found, reason=reason, posterior=proposal.posterior, ratio=verdict.ratio
                 )
-            )  # fmt: skip
+            )
+            if not proposal.by_scans:
+                ends = (self._memory.signature(link.from_id), self._memory.signature(link.to_id))
+                self.sights.offer(*ends, link.kind, found, reason)
 
     def by_looks(self, node: Signature, hypothesis: Hypothesis, graph: MapGraph) -> list[Proposal]:
         """Return the closure with the place that the node most likely shows, if it is accepted and its geometry holds."""
@@ -293,6 +299,8 @@ class Closing:
         """Return a closure that can be proposed; what failed is noted."""
         if found.T_a_b is None:
             self.records.append(closure_record((old_id, node.id, kind), node.stamp_ns, found, posterior=posterior))
+            if kind == LinkKind.GLOBAL_CLOSURE:
+                self.sights.offer(self._memory.signature(old_id), node, kind, found, found.reason)
             return None
         return Proposal(
             link=closure_link(old_id, node.id, kind, found),

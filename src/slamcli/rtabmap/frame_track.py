@@ -34,12 +34,15 @@ class FrameTrack:
         self._stretches: list[int] = []
         self._node_rows: dict[int, int] = {}
         self.num_stretches = 0
+        self.num_carried = 0
+        """Frames on which the recording's odometry stood in for own odometry, which was lost."""
         self.refined = False
         """Whether poses were replaced by better ones."""
 
     def add(self, step: OdometryStep, *, begins: bool) -> None:
         """Take the next frame; `begins`: a stretch begins with it."""
         self.num_stretches += begins
+        self.num_carried += step.carried
         self.stamps_ns.append(step.stamp_ns)
         self._poses.append(step.T_odom_base)
         self._stretches.append(self.num_stretches - 1)

@@ -34,7 +34,6 @@ class GuidedOdometry:
         """Frames that wheels carried on to: the last one that was seen, and the motion since."""
         self._last: tuple[int, Floats] | None = None
         """Stamp and pose T_odom_base of the last frame that was seen."""
-        self.num_carried = 0
 
     def step(self, stamp_ns: int, features: Features) -> OdometryStep:
         """Return where the next frame was taken."""
@@ -66,6 +65,10 @@ class GuidedOdometry:
         ordered = sorted(placed)
         return np.array(ordered, dtype=np.int64), np.array([placed[stamp] for stamp in ordered]).reshape(-1, 4, 4)
 
+    def is_carried(self, stamp_ns: int) -> bool:
+        """Return whether the wheels alone told where a frame was taken."""
+        return stamp_ns in self._carried
+
     def _motion(self, stamp_ns: int) -> Floats | None:
         """Return the motion of the wheels since the last frame that was seen; None where they do not tell."""
         if self._last is None:
@@ -76,7 +79,6 @@ class GuidedOdometry:
     def _carry(self, lost: OdometryStep, motion: Floats) -> OdometryStep:
         if self._last is None:
             return lost
-        self.num_carried += 1
         self._carried[lost.stamp_ns] = (self._last[0], motion)
         pose = self._last[1] @ motion
-        return replace(lost, T_odom_base=pose, covariance=motion_covariance(motion), adds_up=False)
+        return replace(lost, T_odom_base=pose, covariance=motion_covariance(motion), adds_up=False, carried=True)

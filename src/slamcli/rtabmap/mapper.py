@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -93,7 +95,9 @@ class RtabmapMapper:
             scan=None if moment.scan is None else kept_scan(moment.scan, self._parameters.mem),
             R_level_base=None if self._gravity is None else self._gravity.at(step.stamp_ns, step.T_odom_base),
         )  # fmt: skip
+        began_s = time.perf_counter()
         node_id = self._session.update(node)
         if node_id is not None:
+            self._setup.log.lap("update", time.perf_counter() - began_s)
             self._track.mark_node(node_id)
             self._covariance = np.zeros((6, 6))

@@ -32,6 +32,8 @@ class OdometryStep:
     """Of them, those that the motion explains."""
     keyframe: bool = False
     """Whether the local map took it in."""
+    carried: bool = False
+    """Whether own odometry was lost here, and the pose is that of the recording's odometry."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

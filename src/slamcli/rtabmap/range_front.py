@@ -74,7 +74,6 @@ class RangeFront:
             log = self._setup.log
             log.counts["clouds without odometry"] += self._odometry.num_lost
             log.counts["resets of the odometry"] += self._odometry.num_resets
-            log.warn(f"{self._odometry.num_lost} clouds did not fit the ones before: they have no odometry")
 
     def images(self, prepared: PreparedFrame) -> NodeImages:
         """There are none.

@@ -3,40 +3,47 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se3
 from slamcli.mapper import MappingResult, Setup
-from slamcli.posegraph.keyframe_graph import EDGE_KINDS, KeyframeGraph
+from slamcli.posegraph.keyframe_graph import EDGE_KINDS, EdgeKind, KeyframeGraph
 from slamcli.rtabmap.database import Database
-from slamcli.rtabmap.frame_track import FrameTrack, PlacedFrames
+from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.joined_maps import chosen_component, what_joined
 from slamcli.rtabmap.links import CLOSURES, Link, LinkKind
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.maps import build_maps
+from slamcli.rtabmap.node_pictures import node_views, place_views
 from slamcli.rtabmap.node_views import NodeViews
 from slamcli.rtabmap.parameters import RtabmapParameters
+from slamcli.rtabmap.run_figures import place_closures, stamps_of, summary_of, tell_what_is_missing
 from slamcli.rtabmap.session import Session
 from slamcli.rtabmap.signature import NodeImages, NodeScan
 from slamcli.rtabmap.turning_upright import find_level_floor, find_upright
 from slamcli.rtabmap.update_record import columns
 from slamcli.trajectory import Trajectory
+from slamcli.vision.pictures import KeyframeView, PlaceView
 
 Floats = NDArray[np.float64]
 
+_EDGES: dict[LinkKind, EdgeKind] = {
+    LinkKind.GLOBAL_CLOSURE: "loop", LinkKind.USER_CLOSURE: "loop", LinkKind.LOCAL_SPACE_CLOSURE: "proximity",
+    LinkKind.LOCAL_TIME_CLOSURE: "proximity",
+}  # fmt: skip
+"""What is not odometry."""
+
 
 def keyframe_graph(graph: MapGraph, ids: list[int]) -> KeyframeGraph:
-    """Return nodes and the links between them as other tools take them; odometry is the tree, closures are loops."""
+    """Return nodes and the links between them as other tools take them; odometry, loops, and what was near."""
     row_of = {node_id: row for row, node_id in enumerate(ids)}
     wanted = (LinkKind.NEIGHBOR, LinkKind.NEIGHBOR_MERGED, *CLOSURES)
     links = [link for link in graph.links_among(ids) if link.kind in wanted and link.from_id != link.to_id]
     ordered = [_ascending(link) for link in links]
-    kinds = [EDGE_KINDS.index("loop" if link.kind in CLOSURES else "tree") for link in ordered]
+    kinds = [EDGE_KINDS.index(_EDGES.get(link.kind, "odometry")) for link in ordered]
     return KeyframeGraph(
         stamps_ns=np.array([graph.nodes[node_id].stamp_ns for node_id in ids], dtype=np.int64),
         T_map_base=np.array([graph.T_map_base[node_id] for node_id in ids]),
@@ -45,31 +52,13 @@ def keyframe_graph(graph: MapGraph, ids: list[int]) -> KeyframeGraph:
         kinds=np.array(kinds, dtype=np.int64),
         T_first_second=np.array([link.T_from_to for link in ordered]).reshape(-1, 4, 4),
         information=np.array([link.information for link in ordered]).reshape(-1, 6, 6),
+        ids=np.array(ids, dtype=np.int64),
     )
 
 
 def _ascending(link: Link) -> Link:
     """Return a link that leads from the smaller id to the larger one."""
     return link if link.from_id < link.to_id else link.inverse()
-
-
-def summary_of(session: Session, track: FrameTrack, ids: list[int], placed: PlacedFrames) -> dict[str, Any]:
-    """Return the figures for ``run.json``."""
-    graph, own = session.graph, set(session.own_nodes)
-    kinds = Counter(link.kind for link in graph.links)
-    lost = track.num_lost
-    return {
-        "frames": len(track.stamps_ns),
-        "lost": lost,
-        "in other maps": len(track.stamps_ns) - lost - len(placed.rows),
-        "odometry_resets": max(track.num_stretches - 1, 0),
-        "nodes": len(own),
-        "nodes in the map": len(ids),
-        "sessions joined": len({graph.nodes[node_id].map_id for node_id in ids}),
-        "sessions": len({node.map_id for node in graph.nodes.values()}),
-        "loop_closures": kinds[LinkKind.GLOBAL_CLOSURE],
-        "proximity_closures": kinds[LinkKind.LOCAL_SPACE_CLOSURE] + kinds[LinkKind.LOCAL_TIME_CLOSURE],
-    }
 
 
 def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters, setup: Setup) -> MappingResult:
@@ -94,17 +83,32 @@ def result_of(session: Session, track: FrameTrack, parameters: RtabmapParameters
         zip(ids, T_map_node, strict=True), sensors, parameters, map_frame=setup.map_frame, stamp_ns=int(stamps[-1]),
         octree=setup.octree, floor_m=floor_m, keep=None if session.localising else session.keeping.keep_grid,
     )  # fmt: skip
+    pictures = _pictures(session)
+    closures = place_closures(session.closing.records, database)
+    summary = summary_of(session, track, ids, placed, closures, parameters)
+    tell_what_is_missing(
+        track, placed, graph, session.own_nodes, setup.log, "frame" if setup.rig is not None else "scan"
+    )
     session.close(ids, maps.grid)
     return MappingResult(
         trajectory=_trajectory(placed.stamps_ns, placed.T_map_base, setup),
         keyframes=_trajectory(stamps, T_map_node, setup),
         keyframe_graph=keyframe_graph(graph, ids), steps=columns(session.records), grid=maps.grid, cloud=maps.cloud,
-        octree=maps.octree, summary={**summary_of(session, track, ids, placed), "up_from": up},
+        octree=maps.octree, summary={**summary, "up_from": up}, closures=closures,
+        keyframe_views=pictures[0], place_views=pictures[1],
         database=None if setup.database is None else setup.database.path,
         views=None if setup.database is None or setup.rig is None else NodeViews(
             database=setup.database.path, ids=np.array(ids, dtype=np.int64), T_map_base=T_map_node,
         ),
     )  # fmt: skip
+
+
+def _pictures(session: Session) -> tuple[tuple[KeyframeView, ...], tuple[PlaceView, ...]]:
+    """Return what the report shows of nodes of this run, and of closures."""
+    database, stamp_of = session.keeping.database, stamps_of(session.keeping.database)
+    own = [node_id for node_id in session.own_nodes if node_id in stamp_of]
+    views = node_views(database, own, np.array([stamp_of[node_id] for node_id in own], dtype=np.int64))
+    return views, place_views(database, session.closing.sights, stamp_of, session.own_nodes[0])
 
 
 def _sensors(database: Database, node_id: int) -> tuple[NodeImages | None, NodeScan | None]:

@@ -16,6 +16,10 @@ from slamcli.rtabmap.signature import NodeScan
 
 Floats = NDArray[np.float64]
 
+_WIDER_M, _WIDER_RAD = 0.15, 0.12
+"""Standard deviations by which odometry that does not fit is tried again."""
+_DOUBTED = 9.0
+"""How many times the covariance counts of odometry that scans do not confirm."""
 _ONE_SCAN_FACTOR = 25.0
 """Points of one scan are not independent of each other: the covariance that they tell counts so many times."""
 
@@ -67,17 +71,20 @@ def refined_motion(
 ) -> tuple[Floats, Floats]:
     """Return the motion (4, 4) and its covariance (6, 6) between two nodes as their scans refine it (RGBD/NeighborLinkRefining).
 
-    Where the scans do not match it comes back as it was.
+    Where the scans do not match it comes back as it was, with more doubt.
     """
     before, after = scans
     if before is None or after is None:
         return T_before_after, covariance
     variances = np.diag(covariance)
-    found = register_scans(
-        before, after, T_before_after, settings, sigma_m=float(np.sqrt(variances[:3].max())),
-        sigma_rad=float(np.sqrt(variances[3:].max())),
-    )  # fmt: skip
-    return (T_before_after, covariance) if found.T_a_b is None else (found.T_a_b, found.covariance)
+    sigma_m, sigma_rad = float(np.sqrt(variances[:3].max())), float(np.sqrt(variances[3:].max()))
+    found = register_scans(before, after, T_before_after, settings, sigma_m=sigma_m, sigma_rad=sigma_rad)
+    if found.T_a_b is None:  # wheels slip, and clocks differ
+        found = register_scans(
+            before, after, T_before_after, settings, sigma_m=max(_WIDER_M, 3.0 * sigma_m),
+            sigma_rad=max(_WIDER_RAD, 3.0 * sigma_rad),
+        )  # fmt: skip
+    return (T_before_after, _DOUBTED * covariance) if found.T_a_b is None else (found.T_a_b, found.covariance)
 
 
 def registered(fit: ScanFit, covariance_factor: float) -> Registration:

@@ -15,8 +15,10 @@ from slamcli.errors import UsageError
 from slamcli.geometry import se3
 from slamcli.mapper import Setup
 from slamcli.measurements import Image, LaserScan, Measurement, Odometry, PointCloud, RgbdFrame, StereoPair
+from slamcli.rtabmap.cloud_odometry import CloudOdometry, CloudOdometrySettings
 from slamcli.rtabmap.feature_extraction import FeatureExtractor
-from slamcli.rtabmap.given_odometry import GivenOdometry, motion_covariance
+from slamcli.rtabmap.front_gaps import FrontGaps
+from slamcli.rtabmap.given_odometry import LONGEST_GAP_NS, GivenOdometry, motion_covariance
 from slamcli.rtabmap.guided_odometry import GuidedOdometry
 from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import OdometryStep
@@ -25,6 +27,7 @@ from slamcli.rtabmap.odometry_settings import odometry_settings
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.settings import feature_settings, preparation_settings, word_settings, words_are_odometrys
 from slamcli.rtabmap.signature import NodeImages, NodeScan, no_features
+from slamcli.rtabmap.swept_odometry import SweptOdometry
 from slamcli.rtabmap.visual_odometry import VisualOdometry
 from slamcli.vision.features import Features
 from slamcli.vision.preparation import Preparation, PreparedFrame
@@ -32,11 +35,15 @@ from slamcli.vision.preparation import Preparation, PreparedFrame
 Floats = NDArray[np.float64]
 
 _AHEAD = 4
-"""Frames whose features are found before the oldest one is taken."""
+"""Frames whose features are found before the oldest one is taken, with any number of threads: what is known by then is the same."""
 _LOST_UNTIL_ANEW = 3
 """Frames in a row that show nothing known before the local map begins anew where the wheels say the robot is."""
 _LATEST_SCAN_NS = 200_000_000
 """A scan farther in time from an image than this is of another place."""
+
+_ODOMETRY = {
+    "recording": "the recording's odometry", "guided": "visual odometry", "visual": "visual odometry", "scan": "the odometry of clouds",
+}  # fmt: skip
 
 
 class VisualFront:
@@ -47,7 +54,7 @@ class VisualFront:
             raise UsageError("rtabmap: there are no cameras to see with")
         self.preparation = Preparation(setup.rig, preparation_settings(parameters, setup.rig))
         words = FeatureExtractor(word_settings(parameters), self.preparation)
-        is_given = parameters.slamcli.odometry == "recording"
+        is_given = parameters.slamcli.odometry in ("recording", "scan")
         self._extractor = words if is_given else FeatureExtractor(feature_settings(parameters), self.preparation)
         self._words = None if is_given or words_are_odometrys(parameters) else words
         """What finds the key points of nodes where those of odometry are others."""
@@ -58,17 +65,23 @@ class VisualFront:
         flat = parameters.reg.force_3dof and parameters.rgbd.force_odom_3dof
         self._given = GivenOdometry(planar=flat)
         """Of the recording: all there is, or a guide for visual odometry; empty where there is none."""
-        tracking = odometry_settings(parameters, self._extractor.settings.scales, setup.seed)
-        self._asks_wheels = parameters.slamcli.odometry in ("recording", "guided")
-        if (
-            parameters.slamcli.odometry == "guided" and tracking.reset_countdown == 0
-        ):  # wheels know where a new local map begins
-            tracking = replace(tracking, reset_countdown=_LOST_UNTIL_ANEW)
-        visual = VisualOdometry(tracking, self.camera, self.preparation.T_base_camera)
-        self._visual = None if parameters.slamcli.odometry == "recording" else GuidedOdometry(visual, self._given)
+        self._swept = _swept_odometry(parameters, setup, self._given)
+        self._asks_wheels = parameters.slamcli.odometry != "visual"
+        self._visual = None if is_given else self._visual_odometry(parameters)
         self._deskews = parameters.odom.deskewing
         self._last: Floats | None = None
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
+        self._newest_ns: int | None = None
+        """Stamp of the newest frame or scan."""
+        self._gaps = FrontGaps(
+            setup.log, odometry=_ODOMETRY[parameters.slamcli.odometry], scans=self._scans is not None
+        )
+
+    def _visual_odometry(self, parameters: RtabmapParameters) -> GuidedOdometry:
+        tracking = odometry_settings(parameters, self._extractor.settings.scales, self._setup.seed)
+        if self._asks_wheels and tracking.reset_countdown == 0:  # wheels know where a new local map begins
+            tracking = replace(tracking, reset_countdown=_LOST_UNTIL_ANEW)
+        return GuidedOdometry(VisualOdometry(tracking, self.camera, self.preparation.T_base_camera), self._given)
 
     @property
     def T_base_camera(self) -> Floats:  # noqa: N802 - frames stand in names
@@ -79,13 +92,13 @@ class VisualFront:
         """Take the next measurement; yield the frames that are ready."""
         if isinstance(measurement, (StereoPair, RgbdFrame, Image)):
             self._waiting.append(_Waiting(measurement.stamp_ns, self._submit(measurement)))
+            self._newest_ns = measurement.stamp_ns
         elif isinstance(measurement, Odometry) and self._asks_wheels:
             self._given.add(measurement)
         elif isinstance(measurement, (LaserScan, PointCloud)) and self._scans is not None:
-            mount = self._setup.T_base_laser[measurement.topic]
-            moved = self._motion_of(measurement)
-            scan = node_scan(measurement, mount, self._setup.no_return, T_begin_end=moved)
-            self._scans.append((measurement.stamp_ns, scan))
+            self._scans.append((measurement.stamp_ns, self._seen_by(measurement)))
+            self._newest_ns = measurement.stamp_ns
+            self._gaps.see_scan(measurement.stamp_ns)
         while self._waiting and self._ready(self._waiting[0].stamp_ns):
             yield self._moment(self._waiting.popleft())
 
@@ -95,6 +108,10 @@ class VisualFront:
             yield self._moment(self._waiting.popleft())
         if self._workers is not None:
             self._workers.shutdown()
+        self._gaps.tell()
+        if self._swept is not None and self._swept.num_lost:
+            self._setup.log.counts["clouds without odometry"] += self._swept.num_lost
+            self._setup.log.warn(f"{self._swept.num_lost} clouds did not fit the ones before: they have no odometry")
 
     def images(self, prepared: PreparedFrame) -> NodeImages:
         """Return what a node keeps of a frame."""
@@ -118,6 +135,8 @@ class VisualFront:
 
     def why_nothing(self) -> str:
         """Return in words why no node was made."""
+        if self._swept is not None:
+            return "no cloud could be placed near an image: look at their stamps (slamcli doctor), or --mode scan"
         if self._visual is None:
             return "the recording's odometry covers no image: look at its stamps (slamcli doctor), or --odom-topic none"
         return "no image has enough key points with known depth to begin with (Vis/MinInliers)"
@@ -136,17 +155,31 @@ class VisualFront:
         return _Seen(prepared, self._extractor.extract(prepared))
 
     def _ready(self, stamp_ns: int) -> bool:
-        """Return whether a frame can be handed out: enough are looked at ahead, and nothing that belongs to it is yet to come."""
-        if self._asks_wheels and not self._given.covers(stamp_ns):
+        """Return whether a frame can be handed out: enough are looked at ahead, and nothing that belongs to it is yet to come.
+
+        What pauses is not waited for: frames would pile up.
+        """
+        if len(self._waiting) <= _AHEAD or self._newest_ns is None:
             return False
-        if self._scans is not None and not (self._scans and self._scans[-1][0] >= stamp_ns):
+        waited_ns = self._newest_ns - stamp_ns
+        poses = self._given if self._swept is None else self._swept
+        if self._asks_wheels and waited_ns <= LONGEST_GAP_NS and not poses.covers(stamp_ns):
             return False
-        return self._workers is None or len(self._waiting) > _AHEAD
+        return (
+            self._scans is None
+            or waited_ns > _LATEST_SCAN_NS
+            or (len(self._scans) > 0 and self._scans[-1][0] >= stamp_ns)
+        )
 
     def _moment(self, waiting: _Waiting) -> Moment:
         seen = waiting.seen.result()
         step = self._given_step(waiting.stamp_ns) if self._visual is None else self._own_step(waiting.stamp_ns, seen)
-        return Moment(step=step, features=seen.features, prepared=seen.prepared, scan=self._scan_at(waiting.stamp_ns))
+        scan = self._scan_at(waiting.stamp_ns)
+        carried = self._visual is not None and self._visual.is_carried(waiting.stamp_ns)
+        self._gaps.see_frame(
+            waiting.stamp_ns, lost=step.T_odom_base is None, carried=carried, has_scan=scan is not None
+        )
+        return Moment(step=step, features=seen.features, prepared=seen.prepared, scan=scan)
 
     def _own_step(self, stamp_ns: int, seen: _Seen) -> OdometryStep:
         if self._visual is None:
@@ -154,12 +187,21 @@ class VisualFront:
         return self._visual.step(stamp_ns, seen.features)
 
     def _given_step(self, stamp_ns: int) -> OdometryStep:
+        if self._swept is not None:
+            return self._swept.step(stamp_ns)
         pose = self._given.at(stamp_ns)
         if pose is None:
             return OdometryStep(stamp_ns=stamp_ns, T_odom_base=None, covariance=np.zeros((6, 6)))
         motion = np.eye(4) if self._last is None else se3.inverse(self._last) @ pose
         self._last = pose
         return OdometryStep(stamp_ns=stamp_ns, T_odom_base=pose, covariance=motion_covariance(motion))
+
+    def _seen_by(self, sweep: LaserScan | PointCloud) -> NodeScan:
+        """Return a scan or cloud in the base frame, freed of the motion while it was measured."""
+        mount = self._setup.T_base_laser[sweep.topic]
+        if self._swept is not None and isinstance(sweep, PointCloud):
+            return self._swept.take(sweep, mount)
+        return node_scan(sweep, mount, self._setup.no_return, T_begin_end=self._motion_of(sweep))
 
     def _motion_of(self, sweep: LaserScan | PointCloud) -> Floats | None:
         """Return how the base moved while a sweep was measured, by the recording's odometry; None where that is not known."""
@@ -177,8 +219,26 @@ class VisualFront:
         taken_ns, scan = min(list(self._scans)[:2], key=lambda entry: abs(entry[0] - stamp_ns))
         if abs(taken_ns - stamp_ns) > _LATEST_SCAN_NS:
             return None
-        then, now = self._given.at(taken_ns), self._given.at(stamp_ns)
+        poses = self._given if self._swept is None else self._swept
+        then, now = poses.at(taken_ns), poses.at(stamp_ns)
         return scan if then is None or now is None else scan.moved(se3.inverse(now) @ then)
+
+
+def _swept_odometry(parameters: RtabmapParameters, setup: Setup, wheels: GivenOdometry) -> SweptOdometry | None:
+    """Return the odometry of clouds where that is asked for.
+
+    Raises
+    ------
+    UsageError
+        If there are no clouds in space: planar scans are aligned all at once, when no image is at hand any more.
+    """
+    if parameters.slamcli.odometry != "scan":
+        return None
+    if parameters.reg.force_3dof or not setup.T_base_laser:
+        raise UsageError(
+            "slamcli.odometry scan beside images needs 3D clouds: --mode scan, or --set slamcli.odometry=guided, visual or recording"
+        )
+    return SweptOdometry(CloudOdometry(CloudOdometrySettings.of(parameters)), wheels, setup.no_return)
 
 
 @dataclass(frozen=True, slots=True)

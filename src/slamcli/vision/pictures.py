@@ -27,7 +27,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class KeyframeView:
-    """A keyframe's picture and the key points in it that see points of the map."""
+    """The picture of a keyframe or node, and the key points in it that count."""
 
     stamp_ns: int
     picture: Picture
@@ -35,14 +35,20 @@ class KeyframeView:
     """float64 (N, 2), picture pixels."""
     num_features: int
     """Key points of the image, those that see nothing too."""
+    name: str = ""
+    """What the tier calls it; empty: nothing."""
+    of_this_run: bool = True
+    """Whether it was seen in this run; its time says nothing otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceView:
-    """The same place at two times: what closed a loop or joined two maps."""
+    """The same place at two times: what closed a loop, joined two maps, or was held for the same place and is not."""
 
     older: KeyframeView
     """With `places` (M, 2) of the matches alone."""
     newer: KeyframeView
     """The same, row by row."""
-    kind: Literal["loop", "join"] = "loop"
+    kind: Literal["loop", "join", "near", "refused"] = "loop"
+    reason: str = ""
+    """Why it was refused, a sentence."""
