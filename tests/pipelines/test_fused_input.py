@@ -272,7 +272,7 @@ def test_what_is_said_of_what_does_not_fit(tmp_path: Path) -> None:
     path = record(tmp_path / "a.mcap", RGBD, ODOM, SCAN)
     with pytest.raises(UsageError, match="--mode stereo needs images of a left and a right camera"):
         Fed(path, mode="stereo")
-    with pytest.raises(UsageError, match="--mode mono: rtabmap has rgbd and stereo and scan"):
+    with pytest.raises(UsageError, match="--mode mono: rtabmap has rgbd, stereo, scan"):
         Fed(path, mode="mono")
     with pytest.raises(UsageError, match="--rgb-topic /rgb/image: --mode scan takes no images"):
         Fed(path, mode="scan", cameras={"rgb": "/rgb/image"})

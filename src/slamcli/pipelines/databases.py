@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import os
 import shutil
+import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import quote
 
 from slamcli.errors import FormatError, UsageError
 from slamcli.mapper import DatabaseChoice, MappingResult, Tier
@@ -151,14 +153,40 @@ def put_into(folder: Path, result: MappingResult, choice: DatabaseChoice | None)
 
 
 def remove_running(choice: DatabaseChoice | None) -> None:
-    """Remove the database beside the result, once it lies in its folder, or nothing was written into it."""
+    """Remove the database beside the result, once it lies in its folder."""
     if choice is not None and (is_scratch(choice) or not choice.append):
         _remove(choice.path)
+
+
+def leave_behind(choice: DatabaseChoice | None, log: RunLog) -> None:
+    """Clear up after a run that failed: what it began and has nodes stays, and it is said where; everything else is removed."""
+    if choice is None or not choice.path.exists():
+        return
+    if is_scratch(choice):
+        _remove(choice.path)
+    elif not choice.append:
+        num_nodes = _num_committed(choice.path)
+        if num_nodes:
+            log.warn(f"{choice.path} holds the {num_nodes} nodes made so far (--database goes on in it)")
+        else:
+            _remove(choice.path)
 
 
 def is_scratch(choice: DatabaseChoice | None) -> bool:
     """Return whether it is a copy of a database that must not change: worth nothing once the run is over."""
     return choice is not None and choice.append and not choice.keep
+
+
+def _num_committed(path: Path) -> int:
+    """Return how many nodes are in a database that this process may have open still: its lock is passed by."""
+    try:
+        connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?immutable=1", uri=True)
+        try:
+            return int(connection.execute("SELECT COUNT(*) FROM Node").fetchone()[0])
+        finally:
+            connection.close()
+    except sqlite3.Error:
+        return 0
 
 
 def _remove(path: Path) -> None:
