@@ -44,7 +44,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "RGB-D, scans": ("small_room", OWN),
     "RGB-D, scans, odometry": ("small_room", []),
     "RGB-D, scans, odometry alone moves it": ("small_room", GIVEN),
-    "one camera, scans, odometry": ("small_room", ["--depth-topic", "none"]),
+    "one camera, scans, odometry": ("small_mono", ["--rgb-topic", "/camera/color/image_raw"]),
     "scans": ("small_room", [*SCANS, *OWN]),
     "scans, odometry": ("small_room", SCANS),
     "scans, odometry alone moves it": ("small_room", [*SCANS, *GIVEN]),
@@ -52,7 +52,8 @@ CASES: dict[str, tuple[str, list[str]]] = {
     "RGB-D, clouds": ("fused_cloud_rgbd", OWN),
     "RGB-D, clouds, odometry": ("fused_cloud_rgbd", []),
     "RGB-D, clouds, odometry alone moves it": ("fused_cloud_rgbd", GIVEN),
-    "one camera, clouds, odometry": ("fused_cloud_rgbd", ["--depth-topic", "none"]),
+    "RGB-D, clouds, both alone": ("fused_cloud_rgbd", [*OWN, "--set", "slamcli.odometry=scan"]),
+    "RGB-D, clouds, odometry, clouds move it": ("fused_cloud_rgbd", ["--set", "slamcli.odometry=scan"]),
     "clouds": ("fused_cloud_rgbd", [*SCANS, *OWN, *NO_IMU]),
     "clouds, IMU": ("fused_cloud_rgbd", [*SCANS, *OWN]),
     "clouds, odometry": ("fused_cloud_rgbd", [*SCANS, *NO_IMU]),
@@ -97,6 +98,7 @@ CASES: dict[str, tuple[str, list[str]]] = {
 SMALL = {"camera.kind": "rgbd", "camera.width": 320, "camera.height": 240, "camera.rate": 10, "imu.enabled": True}
 RECORDINGS: dict[str, tuple[str, dict[str, float | str], float]] = {
     "small_room": ("cluttered_room", {**SMALL, "camera.rate": 5}, 60.0),
+    "small_mono": ("cluttered_room", {**SMALL, "camera.kind": "mono", "camera.rate": 5}, 60.0),
     "fused_black": ("cluttered_room", {**SMALL, "camera.black_from": 20, "camera.black_seconds": 8}, 60.0),
     "fused_blind": ("cluttered_room", {**SMALL, "camera.black_from": 25, "camera.black_seconds": 1000}, 60.0),
     "fused_slow": ("cluttered_room", {**SMALL, "camera.rate": 1}, 60.0),

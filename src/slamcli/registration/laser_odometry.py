@@ -100,15 +100,17 @@ class LaserOdometry:
         poses = None if self.wheels is None else self.wheels.at(stamps + round(offset_s * 1e9))
         odometry = ScanOdometry(self.delta_m, tangent=self.tangent)
         motions, steps = np.zeros((len(stamps), 3)), []
-        turns, guess = 0, (0.0, 0.0, 0.0)
+        turns, guess, last = 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for k in range(len(stamps)):
             before = odometry.pose
             guess = self._predict(k, poses, guess)
             ahead = guess if k + 1 == len(stamps) else self._predict(k + 1, poses, guess)
+            if poses is None:
+                ahead = self._mean(ahead, last)
             twist = self.twist(k, np.array([ahead]))
             known = poses is not None and enough_turns is None
             steps.append(odometry.step(self.beams(k, twist), guess, known=known))
-            guess = between(before, odometry.pose)
+            last, guess = guess, between(before, odometry.pose)
             motions[k] = guess
             turns += abs(guess[2]) > math.radians(1.5) and steps[-1].quality > _TRUSTED_QUALITY
             if enough_turns is not None and turns >= enough_turns:
@@ -125,6 +127,15 @@ class LaserOdometry:
         if self.yaws is None:
             return motion
         return motion[0], motion[1], math.remainder(float(self.yaws[k] - self.yaws[k - 1]), math.tau)
+
+    def _mean(self, ahead: Pose, before: Pose) -> Pose:
+        """Return the mean of two motions; a turn by gyroscope is left as it is.
+
+        By what a motion is wrong the next sweep would be straightened wrongly: the motion to it is wrong to the other side then, and so on without
+        end where sweeps take the whole period. With the mean it dies out.
+        """
+        turn = ahead[2] if self.yaws is not None else 0.5 * (ahead[2] + before[2])
+        return 0.5 * (ahead[0] + before[0]), 0.5 * (ahead[1] + before[1]), turn
 
     def _report_slip(self, steps: list[ScanStep]) -> None:
         bad = [

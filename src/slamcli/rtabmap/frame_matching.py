@@ -94,7 +94,7 @@ class FrameMatcher:
                 other = self._by_keyframe(local_map, features, grid, keyframe, number, most, ratio, enough)
                 if other is not None and (best is None or other.num_inliers > best.num_inliers):
                     best = other
-                if other is not None and other.num_inliers >= 4 * self._settings.min_inliers:
+                if best is not None and best.num_inliers >= enough:
                     break
         return best
 

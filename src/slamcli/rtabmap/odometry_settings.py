@@ -44,8 +44,10 @@ class OdometrySettings:
     """or below this number,"""
     keyframe_kept: float = 0.75
     """or (slamcli's own) below this share of what the last keyframe saw; 0: RTAB-Map's rules alone,"""
-    keyframe_gap_ns: int = 120_000_000
-    """if the last one is so old for the last rule."""
+    keyframe_gap_ns: int = 60_000_000
+    """if, for the last rule, the last one is so old and not the frame before,"""
+    keyframe_age_ns: int = 150_000_000
+    """or so old and the frame before."""
     window: float = 40.0
     """Pixels around the prediction in which points are looked for where the guess is poor."""
     ratio: float = 0.8

@@ -27,6 +27,8 @@ from slamcli.vision.pinhole import Pinhole
 
 _SURELY = 100
 """With fewer inliers keyframes are tried by their looks besides the guess, and the best wins."""
+_MANY = 200
+"""With so many by looks no other keyframe is tried."""
 _KEEPS = 0.8
 """So too, with the newest of them alone, where a frame has fewer than this share of the inliers of the one before: a guess that is off,
 as where a turn begins, finds its like in what repeats."""
@@ -60,7 +62,8 @@ class VisualOdometry:
         self._last: Features | None = None
         self._T_last = self._T_camera_base
         """T_camera_odom of the last frame that has a pose."""
-        self._keyframe_ns = 0
+        self._keyframe_ns, self._keyframe_frame = 0, 0
+        """Stamp and number of the frame that became the newest keyframe."""
         self._kept = 0
         """Points that the newest keyframe sees."""
         self._held = 0
@@ -120,10 +123,10 @@ class VisualOdometry:
             newest = self._map.keyframes[-1:]
             return self._matcher.by_looks(self._map, features, grid, newest, best, self._number, enough)
         newest = self._map.keyframes[: -_NEWEST - 1 : -1]
-        best = self._matcher.by_looks(self._map, features, grid, newest, best, self._number, _SURELY)
+        best = self._matcher.by_looks(self._map, features, grid, newest, best, self._number, _MANY)
         if best is None:
             alike = self._matcher.alike(self._map.keyframes[:-_NEWEST], features)
-            best = self._matcher.by_looks(self._map, features, grid, alike, best, self._number, _SURELY)
+            best = self._matcher.by_looks(self._map, features, grid, alike, best, self._number, _MANY)
         return best
 
     def _lose(self, stamp_ns: int, features: Features, grid: FeatureGrid) -> OdometryStep:
@@ -153,7 +156,10 @@ class VisualOdometry:
         settings, held = self.settings, match.num_inliers
         few = held < settings.keyframe_share * len(features) or held < settings.keyframe_inliers
         fewer = held < settings.keyframe_kept * self._kept
-        wanted = few or (fewer and stamp_ns - self._keyframe_ns >= settings.keyframe_gap_ns)
+        age_ns = stamp_ns - self._keyframe_ns
+        skipped = self._number > self._keyframe_frame + 1
+        due = age_ns >= (settings.keyframe_gap_ns if skipped else settings.keyframe_age_ns)
+        wanted = few or (fewer and due)
         if wanted and settings.adjust and settings.least_motion_px > 0.0:
             return self._map.keyframes[-1].mean_motion(features, match.points) >= settings.least_motion_px
         return wanted
@@ -169,7 +175,7 @@ class VisualOdometry:
             self._map, features, grid, T_camera_odom, points, self._number, self.settings, self._T_base_camera
         )
         self._kept = int(np.count_nonzero(keyframe.points >= 0))
-        self._keyframe_ns = stamp_ns
+        self._keyframe_ns, self._keyframe_frame = stamp_ns, self._number
         self._track.settle(self._map.keyframes)
         self.counts["keyframes"] += 1
         return keyframe.T_camera_odom
