@@ -218,6 +218,9 @@ def test_images_alone_and_scans_alone_are_fed_as_to_other_tiers(tmp_path: Path) 
     alone = Fed(path, mode="scan")
     assert isinstance(alone.feed, SensorFeed)
     assert set(alone.kinds) == {"LaserScan", "Odometry"}
+    assert not alone.feed.plan.samples_first  # planar scans are aligned at the end: as they were recorded
+    alone = Fed(path, mode="scan", sets=("slamcli.odometry=recording",))
+    assert alone.feed.plan.samples_first
     check_order([m for m in alone.measurements if m.stamp_ns < START + 900 * MS])  # type: ignore[union-attr]
     assert isinstance(Fed(record(tmp_path / "b.mcap", SCAN, ODOM)).feed, SensorFeed)
     images = Fed(record(tmp_path / "c.mcap", RGBD, places=()))
