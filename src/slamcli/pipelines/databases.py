@@ -5,18 +5,16 @@ from __future__ import annotations
 
 import os
 import shutil
-import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from urllib.parse import quote
 
 from slamcli.errors import FormatError, UsageError
 from slamcli.mapper import DatabaseChoice, MappingResult, Tier
 from slamcli.outputs import check_file
 from slamcli.parameters import as_dict, resolve
 from slamcli.pipelines.config import NativeConfig
-from slamcli.rtabmap.database import Database, is_in_use
+from slamcli.rtabmap.database import Database, count_committed_nodes, is_in_use
 from slamcli.runtime import RunLog
 
 FILE = "rtabmap.db"
@@ -165,7 +163,7 @@ def leave_behind(choice: DatabaseChoice | None, log: RunLog) -> None:
     if is_scratch(choice):
         _remove(choice.path)
     elif not choice.append:
-        num_nodes = _num_committed(choice.path)
+        num_nodes = count_committed_nodes(choice.path)
         if num_nodes:
             log.warn(f"{choice.path} holds the {num_nodes} nodes made so far (--database goes on in it)")
         else:
@@ -175,18 +173,6 @@ def leave_behind(choice: DatabaseChoice | None, log: RunLog) -> None:
 def is_scratch(choice: DatabaseChoice | None) -> bool:
     """Return whether it is a copy of a database that must not change: worth nothing once the run is over."""
     return choice is not None and choice.append and not choice.keep
-
-
-def _num_committed(path: Path) -> int:
-    """Return how many nodes are in a database that this process may have open still: its lock is passed by."""
-    try:
-        connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?immutable=1", uri=True)
-        try:
-            return int(connection.execute("SELECT COUNT(*) FROM Node").fetchone()[0])
-        finally:
-            connection.close()
-    except sqlite3.Error:
-        return 0
 
 
 def _remove(path: Path) -> None:
