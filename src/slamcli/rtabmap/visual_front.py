@@ -73,8 +73,9 @@ class VisualFront:
 
     def _visual_odometry(self, parameters: RtabmapParameters) -> GuidedOdometry:
         tracking = odometry_settings(parameters, self._extractor.settings.scales, self._setup.seed)
-        if self._asks_wheels and tracking.reset_countdown == 0:  # wheels know where a new local map begins
-            tracking = replace(tracking, reset_countdown=_LOST_UNTIL_ANEW)
+        if self._asks_wheels:  # they know where a new local map begins
+            soon = min(tracking.reset_countdown or _LOST_UNTIL_ANEW, _LOST_UNTIL_ANEW)
+            tracking = replace(tracking, reset_countdown=soon)
         return GuidedOdometry(VisualOdometry(tracking, self.camera, self.preparation.T_base_camera), self._given)
 
     @property
