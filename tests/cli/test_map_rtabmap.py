@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from slamcli.cli.main import run
+from slamcli.formats.closure_tables import read_closures
 from slamcli.formats.g2o import read_g2o
+from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.rtabmap.database import Database
 
@@ -36,6 +38,35 @@ def test_the_folder(desk: Path) -> None:
     assert nodes(desk / "rtabmap.db") >= 4
     assert len(read_trajectory(desk / "trajectory.tum")) == 31
     assert [path.name for path in desk.parent.iterdir()] == ["desk"]
+
+
+def test_closures_links_and_figures_are_written(desk: Path) -> None:
+    document = json.loads((desk / "run.json").read_text())
+    closures = read_closures(desk / "closures.csv")
+    tried = document["summary"]["closures_tried"]
+    assert len(closures) == sum(sum(counts.values()) for counts in tried.values()) > 0
+    links = (desk / "links.csv").read_text().splitlines()[1:]
+    number = nodes(desk / "rtabmap.db")
+    assert sum(line.split(",")[4] == "odometry" for line in links) == number - 1
+    assert sum(one.accepted for one in closures) == len(links) - number + 1
+    assert len(read_g2o(desk / "graph.g2o").first) == len(links)
+    assert not (desk / "covisibility.csv").exists()
+    assert len(document["timing"]["laps_s"]["update"]) == len(document["steps"]["node"]) == number
+    page = (desk / "report.html").read_text()
+    assert "Places seen again" in page
+    assert "Time of each update" in page
+    assert len(page) < 1_000_000
+
+
+def test_a_database_is_drawn(desk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "nodes.png"
+    assert run(["view", str(desk / "rtabmap.db"), "-o", str(picture), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["kind"] == "database"
+    assert document["poses"] == nodes(desk / "rtabmap.db")
+    assert document["width_cells"] == read_map(desk / "map.yaml").grid.width
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert run(["view", str(desk / "rtabmap.db"), str(desk / "rtabmap.db"), "-o", str(picture)]) == 2
 
 
 def test_it_is_gone_on_from_and_localised_in(desk: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

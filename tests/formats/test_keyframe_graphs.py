@@ -8,7 +8,7 @@ import pytest
 
 from slamcli.errors import DataError
 from slamcli.formats.g2o import read_g2o, write_g2o
-from slamcli.formats.keyframe_graphs import g2o_of_keyframes, write_covisibility
+from slamcli.formats.keyframe_graphs import LINK_COLUMNS, g2o_of_keyframes, write_covisibility, write_links
 from slamcli.geometry import se3
 from slamcli.posegraph.keyframe_graph import KeyframeGraph
 
@@ -51,10 +51,27 @@ def test_measured_edges_go_before_the_poses():
     assert found.information[0, 3, 3] == 2.0
 
 
+def test_measured_edges_are_links_with_the_numbers_of_the_database(tmp_path):
+    measured = np.tile(se3.from_rotation_translation(np.eye(3), np.array([0.75, 0, 0])), (5, 1, 1))
+    kinds = np.array([3, 4, 2, 3, 3])
+    made = graph(T_first_second=measured, kinds=kinds, ids=np.array([11, 12, 15, 19]))
+    write_links(tmp_path / "l.csv", made)
+    lines = (tmp_path / "l.csv").read_text().splitlines()
+    assert lines[0] == ",".join(LINK_COLUMNS)
+    assert lines[1] == "11,12,1700000000.000000000,1700000000.500000000,odometry,0.75,0,0,0,0,0,1,0.25,0"
+    assert [line.split(",")[4] for line in lines[1:]] == ["odometry", "proximity", "loop", "odometry", "odometry"]
+    metres, radians = made.residuals()
+    np.testing.assert_allclose(metres, [0.25, 1.25, 2.25, 0.25, 0.25])
+    np.testing.assert_allclose(radians, [0, 0, np.pi / 2, 0, np.pi / 2], atol=1e-12)
+    assert g2o_of_keyframes(made).comments[1:] == ("edge 1: proximity", "edge 2: loop")
+    assert not np.any(graph().residuals())
+
+
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
         ({"shared": np.zeros(3, int)}, r"shared has shape \(3,\), not \(5,\)"),
+        ({"ids": np.zeros(5, int)}, r"ids has shape \(5,\), not \(4,\)"),
         ({"pairs": np.full((5, 2), 4)}, "names a keyframe that is not there"),
     ],
 )

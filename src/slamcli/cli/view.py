@@ -61,7 +61,7 @@ def command(
 ) -> int:
     """Draw a recording, a result or a map.
 
-    SOURCE is a folder that `slamcli map` wrote, a map's .yaml, a saved state (.pbstream), one or more trajectory files,
+    SOURCE is a folder that `slamcli map` wrote, a map's .yaml, a saved state (.pbstream), a database of RTAB-Map (.db), one or more trajectory files,
     or a recording (several files that belong together count as one).
 
     \b

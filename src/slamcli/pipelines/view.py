@@ -40,7 +40,7 @@ class Viewed:
     """What was drawn, and where it lies."""
 
     kind: str
-    """result, map, cloud, state, trajectory or recording."""
+    """result, map, cloud, state, database, trajectory or recording."""
     output: Path
     facts: Mapping[str, Any]
     """Figures of what is shown, for ``--json``."""
@@ -74,7 +74,7 @@ def view(
     Parameters
     ----------
     sources
-        One result folder, map.yaml, point cloud or saved state, one or more trajectory files, or the files of one recording.
+        One result folder, map.yaml, point cloud, saved state or database of RTAB-Map, one or more trajectory files, or the files of one recording.
     output
         The PNG, or an .mcap for a result. None for `slamcli.pipelines.view_source.default_output`.
     options
@@ -142,6 +142,11 @@ def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Conten
         drawn = result_of(state, "cartographer", parameters, map_frame="map", base_frame="base_link", log=log)
         grid, trajectory = drawn.grid, drawn.trajectory
         facts |= dict(drawn.summary) | ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
+    if kind == "database":
+        from slamcli.pipelines.view_database import read_database_map
+
+        grid, trajectory = read_database_map(source, log)
+        facts |= ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
     if grid is None and trajectory is None:
         raise UsageError(f"{source}: neither map.yaml nor trajectory.tum lies in this result")
     truth = read_truth(options, trajectory, log)

@@ -10,6 +10,7 @@ from slamcli.errors import UsageError
 from slamcli.formats.pbstream.container import is_pbstream
 from slamcli.recordings.classic_log import has_classic_content
 from slamcli.recordings.folders import find_layout
+from slamcli.rtabmap.database.probing import is_database
 
 _RECORDING_SUFFIXES = (".bag", ".mcap", ".db3")
 _RECORDING_MAGIC = (b"#ROSBAG", b"\x89MCAP0", b"SQLite format 3")
@@ -19,7 +20,7 @@ OCTREES = (".bt", ".ot")
 
 
 def find_kind(sources: Sequence[Path]) -> str:
-    """Return what the sources are: result, map, cloud, state, trajectory or recording.
+    """Return what the sources are: result, map, cloud, state, database, trajectory or recording.
 
     Raises
     ------
@@ -31,7 +32,7 @@ def find_kind(sources: Sequence[Path]) -> str:
     kinds = [_kind(source) for source in sources]
     if len(set(kinds)) > 1:
         raise UsageError(f"{sources[0]} is a {kinds[0]} and {sources[1]} a {kinds[1]}: draw them one by one")
-    if len(kinds) > 1 and kinds[0] in ("result", "map", "cloud", "state"):
+    if len(kinds) > 1 and kinds[0] in ("result", "map", "cloud", "state", "database"):
         raise UsageError(f"one {kinds[0]} at a time; {len(kinds)} were given")
     return kinds[0]
 
@@ -70,6 +71,8 @@ def _kind(source: Path) -> str:
         return "map"
     if is_pbstream(source):
         return "state"
+    if is_database(source):
+        return "database"
     if last in (*_CLOUDS, *OCTREES):
         return "cloud"
     if last in _PICTURES:

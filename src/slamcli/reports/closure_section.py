@@ -23,8 +23,8 @@ _POSTERIOR_CAPTION = (
     "nowhere (blur, other light, other direction), or a memory that let the place go."
 )
 _PLACE_CAPTION = (
-    "Which older node each node was tied to or held for. Loops stand as lines that rise beside the diagonal: the robot drives a known way again. "
-    "Single dots far from any line are doubtful; refused ones among accepted ones are harmless."
+    "Which older node each node was tied to or held for. A line of dots that rises is a known way driven again, one that falls the way back. "
+    "A single dot far from any line is doubtful; refused ones beside accepted ones are harmless."
 )
 
 
@@ -42,7 +42,8 @@ def closure_sections(
     """
     if "hypothesis" not in steps:
         return []
-    parts = [page.cards(_cards(closures))]
+    sees = bool(np.any(steps.get("num_features", 0)))
+    parts = [page.cards(_cards(closures, sees=sees))]
     if not any(one.accepted for one in closures):
         parts.append('<p class="soft">No place was known again: the map is as good as its odometry.</p>')
     parts += [_posterior(steps, closures, run, axis), _places(steps, closures, axis)]
@@ -50,7 +51,7 @@ def closure_sections(
     return [page.section("Loop closures", *parts)]
 
 
-def _cards(closures: Sequence[PlaceClosure]) -> list[tuple[str, str, bool]]:
+def _cards(closures: Sequence[PlaceClosure], *, sees: bool) -> list[tuple[str, str, bool]]:
     accepted = Counter(one.kind for one in closures if one.accepted)
     refused = sum(not one.accepted for one in closures)
     words = {
@@ -59,7 +60,9 @@ def _cards(closures: Sequence[PlaceClosure]) -> list[tuple[str, str, bool]]:
         "near in time": "ties to the latest nodes",
     }
     found = [
-        (f"{accepted.pop(kind, 0):,}", name, False) for kind, name in words.items() if accepted[kind] or kind == "loop"
+        (f"{accepted.pop(kind, 0):,}", name, False)
+        for kind, name in words.items()
+        if accepted[kind] or (sees and kind == "loop")
     ]
     found += [(f"{count:,}", f"closures, {kind}", False) for kind, count in sorted(accepted.items()) if count]
     return [*found, (f"{refused:,}", "refused", False)]

@@ -144,8 +144,8 @@ def _drawing(pictures: Sequence[tuple[Picture, int, NDArray[np.float64]]], lines
 
 
 def _when(view: KeyframeView, began_ns: int) -> str:
-    """Return the name of a picture and its time, which means nothing before the run began."""
-    when = _seconds(view.stamp_ns, began_ns) if view.stamp_ns >= began_ns or not view.name else "an earlier session"
+    """Return the name of a picture and when it was taken."""
+    when = _seconds(view.stamp_ns, began_ns) if view.of_this_run else "an earlier session"
     return f"{view.name} ({when})" if view.name else when
 
 

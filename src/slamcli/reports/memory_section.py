@@ -61,8 +61,9 @@ def _chart(
     series = [
         svg.Series(label=label, x=axis.x, y=np.asarray(steps[name], dtype=np.float64), colour=i)
         for i, (name, label) in enumerate(names)
-        if name in steps and np.any(steps[name])
+        if name in steps
     ]
+    series = series if any(np.any(one.y) for one in series) else []
     return _drawn(title, unit, series, told, axis) if series else ""
 
 

@@ -34,24 +34,26 @@ def node_views(database: Database, ids: Sequence[int], stamps_ns: NDArray[np.int
     return tuple(found)
 
 
-def place_views(database: Database, sights: Sights, stamp_of: dict[int, int]) -> tuple[PlaceView, ...]:
+def place_views(database: Database, sights: Sights, stamp_of: dict[int, int], first_own: int) -> tuple[PlaceView, ...]:
     """Return both sides of at most six closures, loops before those that were near, and of four that were refused.
 
     Parameters
     ----------
     stamp_of
         Of every node, nanoseconds.
+    first_own
+        Id of the first node of this run.
     """
     loops, near = sights.of("loop"), sights.of("near")
     room = _MOST_CLOSURES - min(len(near), _MOST_CLOSURES // 3)
     chosen = _some(loops, max(room, _MOST_CLOSURES - len(near)))
     chosen += _some(near, _MOST_CLOSURES - len(chosen))
     chosen += _some(sights.of("refused"), _MOST_REFUSED)
-    found = (_place(database, sight, stamp_of) for sight in chosen)
+    found = (_place(database, sight, stamp_of, first_own) for sight in chosen)
     return tuple(place for place in found if place is not None)
 
 
-def _place(database: Database, sight: Sight, stamp_of: dict[int, int]) -> PlaceView | None:
+def _place(database: Database, sight: Sight, stamp_of: dict[int, int], first_own: int) -> PlaceView | None:
     sides = []
     for node_id, pixels in ((sight.older, sight.pixels_older), (sight.newer, sight.pixels_newer)):
         picture = _picture(database, node_id)
@@ -60,7 +62,7 @@ def _place(database: Database, sight: Sight, stamp_of: dict[int, int]) -> PlaceV
         sides.append(
             KeyframeView(
                 stamp_ns=stamp_of[node_id], picture=picture, places=picture.places(pixels.astype(np.float64)),
-                num_features=len(pixels), name=f"node {node_id}",
+                num_features=len(pixels), name=f"node {node_id}", of_this_run=node_id >= first_own,
             )
         )  # fmt: skip
     return PlaceView(older=sides[0], newer=sides[1], kind=sight.kind, reason=sight.reason)

@@ -108,7 +108,7 @@ def _pictures(session: Session) -> tuple[tuple[KeyframeView, ...], tuple[PlaceVi
     database, stamp_of = session.keeping.database, stamps_of(session.keeping.database)
     own = [node_id for node_id in session.own_nodes if node_id in stamp_of]
     views = node_views(database, own, np.array([stamp_of[node_id] for node_id in own], dtype=np.int64))
-    return views, place_views(database, session.closing.sights, stamp_of)
+    return views, place_views(database, session.closing.sights, stamp_of, session.own_nodes[0])
 
 
 def _sensors(database: Database, node_id: int) -> tuple[NodeImages | None, NodeScan | None]:

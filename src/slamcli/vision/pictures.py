@@ -37,6 +37,8 @@ class KeyframeView:
     """Key points of the image, those that see nothing too."""
     name: str = ""
     """What the tier calls it; empty: nothing."""
+    of_this_run: bool = True
+    """Whether it was seen in this run; its time says nothing otherwise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
