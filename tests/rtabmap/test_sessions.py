@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from slamcli.rtabmap.database import Database
 from slamcli.rtabmap.frame_track import FrameTrack
 from slamcli.rtabmap.joined_maps import chosen_component, what_joined
 from slamcli.rtabmap.links import LinkKind
+from slamcli.rtabmap.node_input import OdometryStep
 
 ELSEWHERE = motion(x=30.0, y=-4.0, rotvec=(0.0, 0.0, 2.0))
 
@@ -186,3 +188,20 @@ def test_the_same_sessions_write_the_same_file(tmp_path):
             session.finish(FrameTrack())
             session.close(chosen_component(session.graph, session.own_nodes), None)
     assert (tmp_path / "a.db").read_bytes() == (tmp_path / "b.db").read_bytes()
+
+
+def test_odometry_as_it_is_known_in_the_end_is_kept(tmp_path):
+    session, track, steps = opened(tmp_path / "a.db", parameters()), FrameTrack(), list(range(4))
+    for node in node_inputs(Hall(), steps, drift_rad=0.02):
+        step = OdometryStep(stamp_ns=node.stamp_ns, T_odom_base=node.T_odom_base, covariance=node.covariance)
+        track.add(step, begins=node.began_anew)
+        track.mark_node(session.update(node))
+    better = np.array([on_circle(step) for step in steps])
+    track.refine(np.array(track.stamps_ns), better)
+    session.finish(track)
+    session.close([1, 2, 3, 4], None)
+    with Database.read(tmp_path / "a.db") as database:
+        links = [link for link in database.links() if link.kind == LinkKind.NEIGHBOR]
+    assert [(link.from_id, link.to_id) for link in links] == [(1, 2), (2, 3), (3, 4)]
+    motions = [np.linalg.inv(a) @ b for a, b in pairwise(better)]
+    assert np.allclose([link.T_from_to for link in links], motions, atol=1e-5)

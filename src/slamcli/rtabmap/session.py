@@ -308,3 +308,5 @@ class Session:
             if link.kind in (LinkKind.NEIGHBOR, LinkKind.NEIGHBOR_MERGED) and first is not None and second is not None:
                 better.append((link, replace(link, T_from_to=se3.inverse(first) @ second)))
         self.graph.replace_links(better)
+        self.keeping.unlink([old for old, _ in better])
+        self.keeping.link([new for _, new in better])

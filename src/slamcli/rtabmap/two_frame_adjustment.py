@@ -27,7 +27,7 @@ DOUBTED = 6
 """One cell in so many may be wrong although it agrees, and two at least."""
 KEPT_SHARE = 0.5
 """Of what evenly spread cells tell, so much is left without those that tell most."""
-SYSTEMATIC = 0.002
+SYSTEMATIC = 0.01
 """rad, and share of the depth: errors that all matches share, as those of the calibration and the shutter."""
 MEDIAN_FACTOR = 2.1981
 """Square of 1.4826: from the median of squared errors to their variance."""
@@ -109,7 +109,7 @@ def motion_covariance(view: SharedView, T_a_b: Floats, median_ratio: int) -> Flo
     each = _by_cell(view, each)
     depth_m = float(np.median(points @ T_camera_b[2, :3] + T_camera_b[2, 3]))
     covariance = _unit_variance(view, residuals, median_ratio) * _trusted(each, depth_m)
-    return covariance + jackknife + np.diag(np.repeat([(SYSTEMATIC * depth_m) ** 2, SYSTEMATIC**2], 3))
+    return covariance + jackknife + np.diag(np.repeat([(SYSTEMATIC * depth_m) ** 2, (0.5 * SYSTEMATIC) ** 2], 3))
 
 
 def _jackknife(view: SharedView, each: Floats, pulls: Floats) -> Floats:

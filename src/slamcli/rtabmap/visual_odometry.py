@@ -84,7 +84,7 @@ class VisualOdometry:
         self._number += 1
         grid = feature_grid(features, self.camera)
         if not self._map.keyframes:
-            return self._begin(stamp_ns, features, grid)
+            return self._begin(stamp_ns, features, grid, anew=self._last is not None)
         if self._num_lost == 0 and _repeats(self._last, features):
             self.counts["frames that repeat the one before"] += 1
             self._track.repeat(stamp_ns)
@@ -111,6 +111,7 @@ class VisualOdometry:
         self._track.add(stamp_ns, self._map.keyframes[-1], self._T_last, begins=True)
         self._last = features
         held = self._kept
+        self.counts["resets"] += anew
         return self._told(stamp_ns, features, np.zeros((6, 6)), held, keyframe=True, began_anew=anew)
 
     def _match(self, stamp_ns: int, features: Features, grid: FeatureGrid, guess: Floats | None) -> FrameMatch | None:
@@ -135,9 +136,7 @@ class VisualOdometry:
         self._guess.forget()
         if 0 < self.settings.reset_countdown <= self._num_lost:
             self._map = LocalMap(self.camera, self.settings.scales)
-            step = self._begin(stamp_ns, features, grid, anew=True)
-            self.counts["resets"] += step.began_anew
-            return step
+            return self._begin(stamp_ns, features, grid, anew=True)
         return _nowhere(stamp_ns, features)
 
     def _keep(self, stamp_ns: int, features: Features, grid: FeatureGrid, match: FrameMatch) -> OdometryStep:

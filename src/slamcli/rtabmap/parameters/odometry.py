@@ -20,7 +20,10 @@ class OdomGroup:
         },
     )  # fmt: skip
     reset_countdown: int = count(
-        "ResetCountdown", 0, "images in a row without odometry after which it begins anew; 0: never", "frames"
+        "ResetCountdown",
+        10,
+        "images in a row without odometry after which it begins anew, in a map of its own until a closure joins both; 0: never (RTAB-Map's default)",
+        "frames",
     )
     holonomic: bool = switch("Holonomic", True, "the robot can move sideways; false: y follows from x and yaw")
     fill_info_data: bool = switch("FillInfoData", True, "publish which key points were used", effective=False)
