@@ -14,7 +14,20 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.reports.chart_frame import BOTTOM, LEFT, RIGHT, ROW, TOP, Frame, axes, data_range, drawing, legend, legend_height, path
+from slamcli.reports.chart_frame import (
+    BOTTOM,
+    LEFT,
+    RIGHT,
+    ROW,
+    TOP,
+    Frame,
+    axes,
+    data_range,
+    drawing,
+    legend,
+    legend_height,
+    path,
+)
 
 _COLUMNS = 600
 
