@@ -113,7 +113,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(capsys, arguments, message):
         (ConfigError("lstep: x"), 2, "slamcli: lstep: x\n"),
         (PlanningError("no path"), 1, "slamcli: no path\n"),
         (MemoryError(), 1, "slamcli: out of memory\n"),
-        (KeyboardInterrupt(), 130, "slamcli: interrupted; nothing was written\n"),
+        (KeyboardInterrupt(), 130, "slamcli: interrupted; no result was written\n"),
     ],
 )
 def test_errors_become_one_line_and_an_exit_code(capsys, monkeypatch, error, code, message):

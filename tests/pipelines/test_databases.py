@@ -319,6 +319,34 @@ def test_nothing_is_left_where_nothing_was_read(tmp_path: Path, bag: Path, monke
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap"]
 
 
+def test_a_run_that_fails_says_where_its_nodes_are(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = RunLog()
+    for fail_at, left in ((0, []), (2, ["out.running.db"])):  # without a node nothing stays, whatever was measured
+        monkeypatch.setattr(RtabmapTier, "build", lambda self, parameters, setup, at=fail_at: Writing(setup, at))
+        with pytest.raises(RecordingError, match="it breaks here"):
+            run_map(MapRequest(algo="rtabmap", inputs=[bag], output=tmp_path / "out"), log)
+        assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", *left]
+    assert [warning for warning in log.warnings if "2 nodes made so far" in warning] == log.warnings[-1:]
+
+
+def test_an_interrupted_run_leaves_no_copy_of_a_map_that_stays_as_it_is(
+    tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(self: Any, parameters: Any, setup: Setup) -> Any:
+        assert setup.database is not None
+        assert setup.database.path.is_file()
+        raise KeyboardInterrupt
+
+    file = write(tmp_path / "home.db", maps=(0, 0))
+    monkeypatch.setattr(RtabmapTier, "build", interrupted)
+    request = MapRequest(
+        algo="rtabmap", inputs=[bag], output=tmp_path / "out", database=DatabaseRequest(file=file), atlas=AtlasChoices(localise_only=True),
+    )  # fmt: skip
+    with pytest.raises(KeyboardInterrupt):
+        run_map(request, RunLog())
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.mcap", "home.db"]
+
+
 def test_an_empty_one_that_was_left_is_no_loss(tmp_path: Path, bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with Database.create(running_file(tmp_path / "out"), ""):
         pass

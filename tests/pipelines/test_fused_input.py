@@ -218,6 +218,9 @@ def test_images_alone_and_scans_alone_are_fed_as_to_other_tiers(tmp_path: Path) 
     alone = Fed(path, mode="scan")
     assert isinstance(alone.feed, SensorFeed)
     assert set(alone.kinds) == {"LaserScan", "Odometry"}
+    assert not alone.feed.plan.samples_first  # planar scans are aligned at the end: as they were recorded
+    alone = Fed(path, mode="scan", sets=("slamcli.odometry=recording",))
+    assert alone.feed.plan.samples_first
     check_order([m for m in alone.measurements if m.stamp_ns < START + 900 * MS])  # type: ignore[union-attr]
     assert isinstance(Fed(record(tmp_path / "b.mcap", SCAN, ODOM)).feed, SensorFeed)
     images = Fed(record(tmp_path / "c.mcap", RGBD, places=()))
@@ -272,7 +275,7 @@ def test_what_is_said_of_what_does_not_fit(tmp_path: Path) -> None:
     path = record(tmp_path / "a.mcap", RGBD, ODOM, SCAN)
     with pytest.raises(UsageError, match="--mode stereo needs images of a left and a right camera"):
         Fed(path, mode="stereo")
-    with pytest.raises(UsageError, match="--mode mono: rtabmap has rgbd and stereo and scan"):
+    with pytest.raises(UsageError, match="--mode mono: rtabmap has rgbd, stereo, scan"):
         Fed(path, mode="mono")
     with pytest.raises(UsageError, match="--rgb-topic /rgb/image: --mode scan takes no images"):
         Fed(path, mode="scan", cameras={"rgb": "/rgb/image"})

@@ -367,7 +367,7 @@ def test_the_configurations_frame_of_the_robot(robot: Path):
         (GMAPPING, {"points": ("/points",)}, "--points-topic /points: gmapping has no use for it"),
         (GMAPPING, {"imu": "/imu"}, "--imu-topic /imu: gmapping has no use for it"),
         (GMAPPING, {"mode": "3d"}, "--mode 3d: gmapping has one mode only"),
-        (CARTOGRAPHER, {"mode": "4d"}, "--mode 4d: cartographer has 2d and 3d"),
+        (CARTOGRAPHER, {"mode": "4d"}, "--mode 4d: cartographer has 2d, 3d"),
     ],
 )
 def test_what_a_tier_has_no_use_for(robot: Path, tier: Any, names: dict[str, Any], complaint: str):

@@ -7,10 +7,14 @@ import numpy as np
 
 from slamcli.formats.trajectories import read_tum
 from slamcli.geometry import se3
-from slamcli.measurements import LaserScan
+from slamcli.measurements import LaserScan, PointCloud
 from slamcli.pipelines.generate import generate
 from slamcli.recordings import open_recording
+from slamcli.rtabmap.cloud_odometry import CloudOdometry, CloudOdometrySettings
+from slamcli.rtabmap.node_input import OdometryStep
+from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.scan_odometry import PlanarScanOdometry, ScanOdometrySettings
+from slamcli.rtabmap.signature import NodeScan
 from slamcli.runtime import RunLog
 from slamcli.trajectory import interpolate, path_lengths
 
@@ -33,6 +37,33 @@ def test_the_way_is_as_long_as_it_is(tmp_path: Path) -> None:
     turns = np.diff(np.unwrap(poses[:, 2]))
     true_turns = np.diff(np.unwrap(_yaws(truth.quats_xyzw)))
     assert np.abs(turns - true_turns).max() < 0.03
+
+
+class _Steady(CloudOdometry):
+    """A robot that drives 0.1 m a sweep, seen where half of what the sweep was straightened wrongly puts it."""
+
+    def _during_sweep(self, cloud: PointCloud, motion: np.ndarray, seconds: float) -> np.ndarray | None:
+        self.wrongly_m = 0.1 - motion[0, 3]
+        return None
+
+    def _placed(self, stamp_ns: int, scan: NodeScan, predicted: np.ndarray) -> OdometryStep:
+        pose = np.eye(4)
+        pose[0, 3] = stamp_ns / 1e9 + 0.5 * self.wrongly_m
+        return OdometryStep(stamp_ns=stamp_ns, T_odom_base=pose, covariance=np.zeros((6, 6)))
+
+
+def test_so_of_clouds() -> None:
+    odometry = _Steady(CloudOdometrySettings.of(RtabmapParameters()))
+    points = np.ones((4, 3), dtype=np.float32)
+    places = []
+    for k in range(30):
+        cloud = PointCloud(stamp_ns=k * 100_000_000, frame_id="lidar", points_m=points, topic="/points")
+        step, _ = odometry.step(cloud, np.eye(4))
+        assert step.T_odom_base is not None
+        places.append(step.T_odom_base[0, 3])
+    motions = np.diff(places)
+    assert np.abs(motions[:3] - 0.1).max() > 0.02  # it began with the wrong speed
+    assert np.abs(motions[-5:] - 0.1).max() < 1e-4
 
 
 def _yaws(quats_xyzw: np.ndarray) -> np.ndarray:

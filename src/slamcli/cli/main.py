@@ -90,9 +90,9 @@ def run(arguments: list[str] | None = None) -> int:
     try:
         result: Any = cli.main(args=arguments, prog_name="slamcli", standalone_mode=False)
     except click.exceptions.Abort:
-        return _fail("interrupted; nothing was written", 130)
+        return _fail("interrupted; no result was written", 130)
     except KeyboardInterrupt:
-        return _fail("interrupted; nothing was written", 130)
+        return _fail("interrupted; no result was written", 130)
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         hint = f" (see {context.command_path} --help)" if context is not None else ""

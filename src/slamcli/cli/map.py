@@ -216,10 +216,11 @@ def _tell(outcome: MapOutcome, console: Console) -> None:
         if grid is None
         else f"map of {grid.width * grid.resolution_m:.1f} x {grid.height * grid.resolution_m:.1f} m, "
     )
+    factor = run["timing"]["realtime_factor"]
     console.say(
         f"{outcome.output}: {size}"
         f"{summary['poses']} poses, path of {summary['path_length_m']:.1f} m, "
-        f"{run['timing']['total_s']:.1f} s ({run['timing']['realtime_factor']:.0f} x real time), {run['peak_memory_bytes'] / 1e6:.0f} MB"
+        f"{run['timing']['total_s']:.1f} s ({factor:.{0 if factor >= 10 else 1}f} x real time), {run['peak_memory_bytes'] / 1e6:.0f} MB"
     )
     for key, value in summary.get("truth", {}).items():
         if key.endswith(".rmse"):

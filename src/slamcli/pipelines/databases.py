@@ -14,7 +14,7 @@ from slamcli.mapper import DatabaseChoice, MappingResult, Tier
 from slamcli.outputs import check_file
 from slamcli.parameters import as_dict, resolve
 from slamcli.pipelines.config import NativeConfig
-from slamcli.rtabmap.database import Database, is_in_use
+from slamcli.rtabmap.database import Database, count_committed_nodes, is_in_use
 from slamcli.runtime import RunLog
 
 FILE = "rtabmap.db"
@@ -151,9 +151,23 @@ def put_into(folder: Path, result: MappingResult, choice: DatabaseChoice | None)
 
 
 def remove_running(choice: DatabaseChoice | None) -> None:
-    """Remove the database beside the result, once it lies in its folder, or nothing was written into it."""
+    """Remove the database beside the result, once it lies in its folder."""
     if choice is not None and (is_scratch(choice) or not choice.append):
         _remove(choice.path)
+
+
+def leave_behind(choice: DatabaseChoice | None, log: RunLog) -> None:
+    """Clear up after a run that failed: what it began and has nodes stays, and it is said where; everything else is removed."""
+    if choice is None or not choice.path.exists():
+        return
+    if is_scratch(choice):
+        _remove(choice.path)
+    elif not choice.append:
+        num_nodes = count_committed_nodes(choice.path)
+        if num_nodes:
+            log.warn(f"{choice.path} holds the {num_nodes} nodes made so far (--database goes on in it)")
+        else:
+            _remove(choice.path)
 
 
 def is_scratch(choice: DatabaseChoice | None) -> bool:

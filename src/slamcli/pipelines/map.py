@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from slamcli.errors import CalibrationError, SlamcliError, UsageError
+from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.mapper import DatabaseChoice, MappingResult, Setup, Tier, find_resuming_tier, find_tier
 from slamcli.outputs import atomic_directory, check_directory, check_file
@@ -19,7 +19,7 @@ from slamcli.parameters import as_dict, declarations
 from slamcli.pipelines.camera_request import depth_unit
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.database_input import are_databases, open_databases
-from slamcli.pipelines.databases import is_scratch, localising, put_into, remove_running
+from slamcli.pipelines.databases import is_scratch, leave_behind, localising, put_into, remove_running
 from slamcli.pipelines.dense import DenseModel, check_dense, dense_model, is_empty, model_of_views
 from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.feeds import Feed, find_feed
@@ -168,18 +168,15 @@ def _opened(request: MapRequest, config: NativeConfig, tier: Tier, log: RunLog) 
 
 
 def _mapped(feed: Feed, tier: Tier, setup: Setup, log: RunLog) -> MappingResult:
-    """Return what the tier makes of the measurements; a database into which nothing went is removed if it fails."""
-    num = 0
+    """Return what the tier makes of the measurements; a database into which nothing went is removed if it fails or is interrupted."""
     try:
         mapper = tier.build(feed.plan.parameters, setup)
         with log.stage("read"):
             for measurement in feed.measurements():
-                num += 1
                 mapper.process(measurement)
         return mapper.finish()
-    except SlamcliError:
-        if num == 0 or is_scratch(setup.database):
-            remove_running(setup.database)
+    except BaseException:
+        leave_behind(setup.database, log)
         raise
 
 

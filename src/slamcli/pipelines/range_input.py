@@ -233,7 +233,7 @@ def _scanners(number: int) -> str:
 def check_usage(tier: Tier, names: TopicNames, mode: str | None) -> None:
     """Refuse a mode that the tier does not have, and topics that it has no use for."""
     if mode is not None and mode not in tier.modes:
-        raise UsageError(f"--mode {mode}: {tier.name} has {' and '.join(tier.modes) or 'one mode only'}")
+        raise UsageError(f"--mode {mode}: {tier.name} has {', '.join(tier.modes) or 'one mode only'}")
     for role, topics in names.named().items():
         if role not in tier.roles:
             raise UsageError(f"{ROLES[role]} {topics[0]}: {tier.name} has no use for it")

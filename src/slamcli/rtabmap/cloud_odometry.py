@@ -91,6 +91,7 @@ class CloudOdometry:
         self._pose = np.eye(4)
         self._last_ns: int | None = None
         self._motion: tuple[Floats, float] | None = None
+        self._motion_before: tuple[Floats, float] | None = None
         self._keyframe = np.eye(4)
         self._errors_m: deque[float] = deque(maxlen=_GUESSES)
         self._lost = 0
@@ -111,7 +112,7 @@ class CloudOdometry:
         s = self._settings
         seconds = 0.0 if self._last_ns is None else (cloud.stamp_ns - self._last_ns) / 1e9
         motion = self._predicted(guess, seconds)
-        moved = self._during_sweep(cloud, motion, seconds)
+        moved = self._during_sweep(cloud, motion if guess is not None else self._mean(motion, seconds), seconds)
         scan = node_scan(
             cloud, T_base_sensor, no_return, T_begin_end=moved, range_min_m=s.scans.range_min_m,
             range_max_m=s.scans.range_max_m,
@@ -119,6 +120,7 @@ class CloudOdometry:
         predicted = self._pose @ motion
         step = self._placed(cloud.stamp_ns, scan, predicted)
         if step.T_odom_base is not None and not step.began_anew and seconds > 0.0 and self._last_ns is not None:
+            self._motion_before = self._motion
             self._motion = (se3.inverse(self._pose) @ step.T_odom_base, seconds)
         self._pose = predicted if step.T_odom_base is None else step.T_odom_base
         self._last_ns = cloud.stamp_ns
@@ -131,6 +133,17 @@ class CloudOdometry:
             return np.eye(4)
         motion, took = self._motion
         return part_of(motion, seconds / took)
+
+    def _mean(self, motion: Floats, seconds: float) -> Floats:
+        """Return the mean of a motion that is predicted from the last one, and of the one before that.
+
+        What a motion is wrong by straightens the next sweep wrongly, so that the motion to it is wrong to the other side, and so on without end
+        where sweeps take the whole period. With the mean it dies out.
+        """
+        if self._motion_before is None or not 0.0 < seconds < _LONGEST_PERIOD_S:
+            return motion
+        before = part_of(self._motion_before[0], seconds / self._motion_before[1])
+        return before @ part_of(se3.inverse(before) @ motion, 0.5)
 
     def _during_sweep(self, cloud: PointCloud, motion: Floats, seconds: float) -> Floats | None:
         """Return how the base moves while a cloud is measured, if it goes on as it did; None where that is not known."""
@@ -202,7 +215,7 @@ class CloudOdometry:
         )
 
     def _begun(self, stamp_ns: int, source: PreparedCloud, *, began_anew: bool) -> OdometryStep:
-        self._lost, self._map, self._motion = 0, None, None
+        self._lost, self._map, self._motion, self._motion_before = 0, None, None, None
         self._remember(source, self._pose)
         return OdometryStep(
             stamp_ns=stamp_ns, T_odom_base=self._pose, covariance=np.zeros((6, 6)), began_anew=began_anew,

@@ -43,16 +43,14 @@ class FrontGaps:
 
     Parameters
     ----------
-    odometry
-        What tells the poses, in words.
     scans
         Whether each image should have a scan.
     """
 
-    def __init__(self, log: RunLog, *, odometry: str, scans: bool) -> None:
-        self._log, self._odometry, self._scans = log, odometry, scans
-        self._lost, self._carried, self._scanless = Stretch(), Stretch(), Stretch()
-        self._num = 0
+    def __init__(self, log: RunLog, *, scans: bool) -> None:
+        self._log, self._scans = log, scans
+        self._carried, self._scanless = Stretch(), Stretch()
+        self._num = self._num_lost = 0
         self._first_ns = self._last_ns = 0
         """Stamps of images."""
         self._ranges: tuple[int, int] | None = None
@@ -68,18 +66,15 @@ class FrontGaps:
             self._first_ns = stamp_ns
         self._num += 1
         self._last_ns = stamp_ns
-        self._lost.note(stamp_ns, lost)
+        self._num_lost += lost
         self._carried.note(stamp_ns, carried)
         self._scanless.note(stamp_ns, self._scans and not has_scan)
 
     def tell(self) -> None:
         """Write it into the log."""
         counts, warn = self._log.counts, self._log.warn
-        if self._lost.count:
-            counts["images without odometry"] += self._lost.count
-            warn(
-                f"{self._odometry} does not place {self._lost.count} of {self._num} images ({self._lost.longest}): they have no pose"
-            )
+        if self._num_lost:  # `run_figures` says when, with those that other maps hold
+            counts["images without odometry"] += self._num_lost
         if self._carried.count:
             counts["images placed by the recording's odometry alone"] += self._carried.count
             warn(

@@ -41,10 +41,6 @@ _LOST_UNTIL_ANEW = 3
 _LATEST_SCAN_NS = 200_000_000
 """A scan farther in time from an image than this is of another place."""
 
-_ODOMETRY = {
-    "recording": "the recording's odometry", "guided": "visual odometry", "visual": "visual odometry", "scan": "the odometry of clouds",
-}  # fmt: skip
-
 
 class VisualFront:
     """Finds features on another thread, and hands out frames in their order as soon as their odometry is known."""
@@ -73,9 +69,7 @@ class VisualFront:
         self._scans: deque[tuple[int, NodeScan]] | None = deque() if setup.T_base_laser else None
         self._newest_ns: int | None = None
         """Stamp of the newest frame or scan."""
-        self._gaps = FrontGaps(
-            setup.log, odometry=_ODOMETRY[parameters.slamcli.odometry], scans=self._scans is not None
-        )
+        self._gaps = FrontGaps(setup.log, scans=self._scans is not None)
 
     def _visual_odometry(self, parameters: RtabmapParameters) -> GuidedOdometry:
         tracking = odometry_settings(parameters, self._extractor.settings.scales, self._setup.seed)

@@ -4,7 +4,7 @@
 from slamcli.rtabmap.database.connection import Mode
 from slamcli.rtabmap.database.counting import Counts
 from slamcli.rtabmap.database.database import Database
-from slamcli.rtabmap.database.probing import is_database, is_in_use
+from slamcli.rtabmap.database.probing import count_committed_nodes, is_database, is_in_use
 from slamcli.rtabmap.database.records import (
     GeoFix,
     NodeStatistics,
@@ -26,6 +26,7 @@ __all__ = [
     "StorageSettings",
     "StoredCamera",
     "StoredGrid",
+    "count_committed_nodes",
     "is_database",
     "is_in_use",
 ]
