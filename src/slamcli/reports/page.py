@@ -71,8 +71,9 @@ def table(
         "<tr>" + "".join(f"<td{kind}>{escape(plain(v))}</td>" for kind, v in zip(kinds, row, strict=True)) + "</tr>\n"
         for row in rows
     )
+    look = ' class="wordy"' if wordy else ""
     return (
-        f'<div class="scroll"><table{' class="wordy"' if wordy else ""}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        f'<div class="scroll"><table{look}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
         if body
         else ""
     )
