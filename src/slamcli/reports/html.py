@@ -248,7 +248,7 @@ def _leaves(values: Mapping[str, Any], prefix: str = "", depth: int = 3) -> Iter
         name = f"{prefix} {key}" if prefix else str(key)
         if isinstance(value, Mapping) and value and depth > 0:
             yield from _leaves(value, name, depth - 1)
-        else:
+        elif value or not isinstance(value, Mapping):  # of an empty document there is nothing to say
             yield name, value
 
 
