@@ -120,3 +120,21 @@ def test_ticks_are_round_and_inside(low, high, count):
 )
 def test_durations(seconds, told):
     assert scales.duration(seconds) == told
+
+
+def test_a_legend_of_several_rows_leaves_the_chart_its_size():
+    series = [
+        svg.Series(label=f"a label of some length {i}", x=np.arange(3.0), y=np.arange(3.0), colour=i) for i in range(4)
+    ]
+    drawn = [
+        XML(svg.line_chart(svg.Chart(title="t", x_label="x", y_label="y", series=series[:count]))) for count in (2, 4)
+    ]
+    heights = [int(root.get("viewBox").split()[-1]) for root in drawn]
+    assert heights == [220, 236]
+    for root, height in zip(drawn, heights, strict=True):
+        tops = [float(text.get("y")) for text in root.iter() if text.get("class") == "tick"]
+        labels = [
+            float(text.get("y")) for text in root.iter() if text.get("class") == "label" and "length" in text.text
+        ]
+        assert max(labels) < min(tops)
+        assert max(tops) == height - 24

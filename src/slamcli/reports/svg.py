@@ -14,7 +14,20 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.reports.chart_frame import BOTTOM, LEFT, RIGHT, TOP, Frame, axes, data_range, drawing, legend, path
+from slamcli.reports.chart_frame import (
+    BOTTOM,
+    LEFT,
+    RIGHT,
+    ROW,
+    TOP,
+    Frame,
+    axes,
+    data_range,
+    drawing,
+    legend,
+    legend_height,
+    path,
+)
 
 _COLUMNS = 600
 
@@ -61,13 +74,14 @@ def line_chart(chart: Chart) -> str:
     entries = [(s.label, f"c{s.colour}") for s in chart.series] if len(chart.series) > 1 or len(chart.marks_x) else []
     if len(chart.marks_x):
         entries.append((chart.marks_label, "mark"))
-    top = TOP + (16 if entries else 0)
-    frame = Frame(x_low, x_high, y_low, y_high, LEFT, top, chart.width - RIGHT, chart.height - BOTTOM)
-    parts = [axes(frame, chart.x_label, chart.y_label), legend(entries)]
+    room = legend_height(entries, chart.width)
+    height = chart.height + max(0, room - ROW)  # the chart itself keeps its size where the legend needs more rows
+    frame = Frame(x_low, x_high, y_low, y_high, LEFT, TOP + room, chart.width - RIGHT, height - BOTTOM)
+    parts = [axes(frame, chart.x_label, chart.y_label), legend(entries, chart.width)]
     if len(chart.marks_x):
         parts.append(_marks(frame, chart.marks_x))
     parts += [f'<path class="line c{s.colour}" d="{path(frame, *thin(s.x, s.y))}"/>' for s in chart.series]
-    return drawing(chart.title, chart.width, chart.height, parts)
+    return drawing(chart.title, chart.width, height, parts)
 
 
 def plane_chart(title: str, lines: Sequence[tuple[str, NDArray[np.float64]]], width: int = 720) -> str:

@@ -58,7 +58,7 @@ class OdometrySettings:
     """Whether motion goes on as it was."""
     smoothing_ns: int = 0
     """The motion so far is the mean over this time."""
-    reset_countdown: int = 0
+    reset_countdown: int = 10
     """After so many lost frames odometry begins anew; 0: never."""
     holonomic: bool = True
     filtering: Filtering = Filtering.NONE
