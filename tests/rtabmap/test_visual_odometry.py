@@ -96,7 +96,7 @@ def test_after_the_countdown_odometry_begins_anew_where_it_was() -> None:
 def test_what_was_seen_before_odometry_began_anew_stays_where_it_was() -> None:
     poses = [*circle(12), *circle(12)[::-1]]
     behind = [T @ pose(0.0, 0.0, np.pi) for T in poses[12:]]
-    odometry, steps = travel([*poses[:12], *behind], replace(SETTINGS, reset_countdown=3))
+    odometry, _ = travel([*poses[:12], *behind], replace(SETTINGS, reset_countdown=3))
     assert odometry.counts["resets"] == 1
     _, track = odometry.track()
     assert errors(np.array(poses[:12]), track[:12]).max() < 0.02
