@@ -88,6 +88,7 @@ def test_the_refused_that_came_nearest_stand_first_and_are_bounded():
     many = [closure(1 + i % COUNT, 1, accepted=False, reason=f"reason {chr(97 + i % 26)} {i}") for i in range(5000)]
     text = told(report({}, steps=steps(), closures=[*many, CLOSURES[-1]]))
     assert text.index("<strained> 4.0") < text.index("reason a 0")
+    assert 'class="wordy"' in report({}, steps=steps(), closures=CLOSURES)
     assert "4,976 more stand in closures.csv" in text
     assert len(report({}, steps=steps(), closures=many, keyframes=graph())) < 300_000
 

@@ -19,7 +19,7 @@ _THRESHOLD = "Rtabmap/LoopThr"
 
 _POSTERIOR_CAPTION = (
     "How sure the memory is, at each node, that it shows a place of working memory again. At and above the line the likeliest place is compared "
-    "with the node; ticks are nodes at which a closure was accepted. Low all over where the robot came back: images that look alike "
+    "with the node (from RGBD/AggressiveLoopThr on while nothing ties their maps); ticks are nodes at which a closure was accepted. Low all over where the robot came back: images that look alike "
     "nowhere (blur, other light, other direction), or a memory that let the place go."
 )
 _PLACE_CAPTION = (
@@ -139,7 +139,7 @@ def _refused(closures: Sequence[PlaceClosure], axis: NodeAxis) -> str:
         for one in nearest[:_MOST_ROWS]
     ]  # fmt: skip
     columns = ["node", "held for", "how it was found", "probability", "inliers of matches", "why not"]
-    table = page.table(columns, rows, numeric=(3, 4))
+    table = page.table(columns, rows, numeric=(3, 4), wordy=True)
     left = len(refused) - len(rows)
     told = f"{left:,} more stand in closures.csv." if left > 0 else ""
     return (

@@ -248,7 +248,7 @@ def _leaves(values: Mapping[str, Any], prefix: str = "", depth: int = 3) -> Iter
         name = f"{prefix} {key}" if prefix else str(key)
         if isinstance(value, Mapping) and value and depth > 0:
             yield from _leaves(value, name, depth - 1)
-        else:
+        elif value or not isinstance(value, Mapping):  # of an empty document there is nothing to say
             yield name, value
 
 
@@ -286,7 +286,7 @@ def _parameters(run: Mapping[str, Any], declared: Sequence[Declaration]) -> str:
     body = "".join(row for _, row in rows)
     count = sum(not unchanged for unchanged, _ in rows)
     told = f'<p class="soft">{len(rows)} parameters, {count} changed from the default.</p>'
-    return f'{told}<div class="scroll"><table class="parameters"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+    return f'{told}<div class="scroll"><table class="wordy"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def _exact(value: Any) -> str:

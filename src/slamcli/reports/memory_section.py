@@ -16,7 +16,7 @@ _CHARTS: tuple[tuple[str, str, tuple[tuple[str, str], ...], str], ...] = (
     (
         "Memory", "nodes", (("short_term", "short-term"), ("working", "working"), ("long_term", "long-term")),
         ("Nodes in short-term memory (the latest, not compared with), in working memory (compared with), and in long-term memory: in the database alone, "
-        "where they are found again only through a neighbour. Updates cost what working memory is large; a limit keeps it flat."),
+        "where they are found again only through a neighbour. Updates cost the more the larger working memory is; a limit (Rtabmap/MemoryThr, Rtabmap/TimeThr) keeps it flat."),
     ),
     (
         "Transfer and retrieval", "nodes", (("transferred", "to long-term memory"), ("retrieved", "back to working memory")),

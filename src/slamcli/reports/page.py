@@ -58,16 +58,24 @@ def layered(switches: Sequence[tuple[str, bool, str]], content: str) -> str:
     return f'<div class="layered"><div class="switches">{boxes}</div>{content}</div>'
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], *, numeric: Sequence[int] = ()) -> str:
-    """Return a table of texts, or nothing if it has no rows; `numeric` columns are set to the right."""
+def table(
+    columns: Sequence[str], rows: Iterable[Sequence[Any]], *, numeric: Sequence[int] = (), wordy: bool = False
+) -> str:
+    """Return a table of texts, or nothing if it has no rows; `numeric` columns are set to the right.
+
+    In a `wordy` table the last column has sentences, and keeps room for them where the page is narrow.
+    """
     kinds = [' class="n"' if i in numeric else "" for i in range(len(columns))]
     head = "".join(f"<th{kind}>{escape(name)}</th>" for kind, name in zip(kinds, columns, strict=True))
     body = "".join(
         "<tr>" + "".join(f"<td{kind}>{escape(plain(v))}</td>" for kind, v in zip(kinds, row, strict=True)) + "</tr>\n"
         for row in rows
     )
+    look = ' class="wordy"' if wordy else ""
     return (
-        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>' if body else ""
+        f'<div class="scroll"><table{look}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        if body
+        else ""
     )
 
 

@@ -35,6 +35,8 @@ from slamcli.vision.pinhole import Pinhole
 
 Floats = NDArray[np.float64]
 
+_UNSURE = 0.02
+"""Standard deviation, metres or radians, that a motion between nodes has which the images did not tell."""
 _NEIGHBOURS = 2
 """Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
 _AGREEING = 0.3
@@ -287,11 +289,16 @@ class Closing:
                 yield found
 
     def refined(self, link: Link, old: Signature, new: Signature) -> Link:
-        """Return a link between neighbours, measured anew if RGBD/NeighborLinkRefining asks for it and it can be."""
-        rgbd, scans = self._parameters.rgbd, (old.scan, new.scan)
-        if not rgbd.neighbor_link_refining or self._parameters.slamcli.odometry != "recording":
-            return link  # what odometry matched itself is not matched again
+        """Return a link between neighbours, measured anew if RGBD/NeighborLinkRefining asks for it and it can be.
+
+        What odometry matched itself is not matched again, but scans measure where wheels carried visual odometry on.
+        """
+        rgbd, scans, odometry = self._parameters.rgbd, (old.scan, new.scan), self._parameters.slamcli.odometry
+        if not rgbd.neighbor_link_refining or odometry not in ("recording", "guided"):
+            return link
         covariance = np.asarray(np.linalg.inv(link.information), dtype=np.float64)
+        if odometry == "guided" and (self._parameters.reg.strategy == 0 or np.diag(covariance).max() < _UNSURE**2):
+            return link
         if self._parameters.reg.strategy > 0:
             motion, spread = refined_motion(scans, link.T_from_to, covariance, self._scan_settings)
             return replace(link, T_from_to=motion, information=information_of(spread))
