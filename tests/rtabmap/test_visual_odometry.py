@@ -93,6 +93,15 @@ def test_after_the_countdown_odometry_begins_anew_where_it_was() -> None:
     np.testing.assert_allclose(steps[7].T_odom_base, steps[4].T_odom_base, atol=1e-9)
 
 
+def test_what_was_seen_before_odometry_began_anew_stays_where_it_was() -> None:
+    poses = [*circle(12), *circle(12)[::-1]]
+    behind = [T @ pose(0.0, 0.0, np.pi) for T in poses[12:]]
+    odometry, _ = travel([*poses[:12], *behind], replace(SETTINGS, reset_countdown=3))
+    assert odometry.counts["resets"] == 1
+    _, track = odometry.track()
+    assert errors(np.array(poses[:12]), track[:12]).max() < 0.02
+
+
 def test_without_a_countdown_it_stays_lost() -> None:
     _, steps = travel([pose(0.0, 0.0, 0.0)] * 3 + [pose(0.0, 0.0, np.pi)] * 8)
     assert all(step.T_odom_base is None for step in steps[3:])

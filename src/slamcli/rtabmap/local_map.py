@@ -45,11 +45,11 @@ class Keyframe:
 class LocalMap:
     """Points as columns, and the keyframes that see some of them; rows move when points are dropped."""
 
-    def __init__(self, camera: Pinhole, scales: tuple[float, ...]) -> None:
+    def __init__(self, camera: Pinhole, scales: tuple[float, ...], *, num_before: int = 0) -> None:
         self.camera, self.scales = camera, np.array(scales, dtype=np.float64)
         self.keyframes: list[Keyframe] = []
         """The newest last."""
-        self.num_keyframes = 0
+        self.num_keyframes = num_before
         """That there have been."""
         self.positions = np.zeros((0, 3))
         self.normals = np.zeros((0, 3))

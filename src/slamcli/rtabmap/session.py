@@ -65,6 +65,8 @@ class Session:
         self.records: list[UpdateRecord] = []
         self._detector, self._log = detector, log
         self._previous: Signature | None = None
+        self._measured: set[tuple[int, int]] = set()
+        """Links between neighbours that registration measured, better than odometry."""
         self._first_id = max(graph.nodes, default=0) + 1
         self._next_id = self._first_id
         self._map_id = max((node.map_id for node in graph.nodes.values()), default=-1)
@@ -218,6 +220,8 @@ class Session:
             information=information_of(self._covariance(node)),
         )  # fmt: skip
         link = self.closing.refined(link, self._previous, signature)
+        if not np.array_equal(link.T_from_to, motion):
+            self._measured.add((link.from_id, link.to_id))
         self.graph.add_node(own, self.graph.T_map_base[self._previous.id] @ link.T_from_to)
         self.graph.add_link(link)
         self.keeping.link([link])
@@ -304,6 +308,8 @@ class Session:
             return
         better: list[tuple[Link, Link]] = []
         for link in self.graph.links:
+            if (link.from_id, link.to_id) in self._measured:
+                continue
             first, second = track.node_pose(link.from_id), track.node_pose(link.to_id)
             if link.kind in (LinkKind.NEIGHBOR, LinkKind.NEIGHBOR_MERGED) and first is not None and second is not None:
                 better.append((link, replace(link, T_from_to=se3.inverse(first) @ second)))

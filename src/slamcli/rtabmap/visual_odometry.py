@@ -135,7 +135,7 @@ class VisualOdometry:
         self._num_lost += 1
         self._guess.forget()
         if 0 < self.settings.reset_countdown <= self._num_lost:
-            self._map = LocalMap(self.camera, self.settings.scales)
+            self._map = LocalMap(self.camera, self.settings.scales, num_before=self._map.num_keyframes)
             return self._begin(stamp_ns, features, grid, anew=True)
         return _nowhere(stamp_ns, features)
 
