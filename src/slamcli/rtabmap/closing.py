@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slamcli.geometry import se3
 from slamcli.rtabmap.closure_check import ClosureCheck, ClosureRecord, Verdict, closure_link, closure_record
 from slamcli.rtabmap.fixed_map import FixedMap
-from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, graph_settings
+from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, graph_settings, worst_link
 from slamcli.rtabmap.hypothesis import Hypothesis
 from slamcli.rtabmap.landmarks import MarkerFinder, prior_links
 from slamcli.rtabmap.links import Link, LinkKind
@@ -39,6 +39,8 @@ _UNSURE = 0.02
 """Standard deviation, metres or radians, that a motion between nodes has which the images did not tell."""
 _NEIGHBOURS = 2
 """Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
+_AGREEING = 0.3
+"""Standard deviations: a closure that the graph agrees with so well moves nothing worth the time; the last optimisation has it."""
 _NEAR_M, _NEAR_RAD = 2.0, 0.8
 """Nodes of the finished map that are farther apart or look elsewhere are not compared."""
 _MOST_PER_NODE = 8
@@ -135,7 +137,24 @@ class Closing:
     def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
         """Return which of the proposed closures, which the graph does not have yet, it can bear."""
         new = [proposal.link for proposal in proposals]
-        return self._check.judge(lambda links: self.optimise(ids, graph, links), graph.links_among(ids), new)
+        agreeing = self._agreed(ids, graph, new)
+        return self._check.judge(
+            lambda links: self.optimise(ids, graph, links) if agreeing is None else agreeing,
+            graph.links_among(ids),
+            new,
+        )
+
+    def _agreed(self, ids: Sequence[int], graph: MapGraph, new: Sequence[Link]) -> OptimisedGraph | None:
+        """Return the graph as it is, if new links say what it says anyway: there is nothing to optimise before others come."""
+        poses = np.array([graph.T_map_base[node_id] for node_id in ids])
+        rows = {node_id: row for row, node_id in enumerate(ids)}
+        ratio, worst, rotation = worst_link(new, poses, rows, planar=self._optimiser.settings.solver.planar)
+        if ratio > _AGREEING or self._parameters.optimizer.robust:
+            return None
+        return OptimisedGraph(
+            ids=tuple(ids), T_map_base=poses, max_ratio=ratio, worst=worst, worst_is_rotation=rotation, iterations=0, error=0.0,
+            moved=0,
+        )  # fmt: skip
 
     def note(self, proposals: Sequence[Proposal], verdict: Verdict) -> None:
         """Keep what became of proposals, for the report."""
