@@ -165,7 +165,7 @@ def laps(args: argparse.Namespace) -> None:
                     T_odom = T_odom @ moved @ world.motion_world.motion(*noise[:3], rotvec=noise[3:])
                 features, points = world.look(world.pose(step))
                 node = NodeInput(
-                    stamp_ns=10**18 + step * 10**9, T_odom_base=T_odom, covariance=np.diag([1e-4] * 3 + [4e-6] * 3),
+                    stamp_ns=10**18 + step * 10**9, T_odom_base=T_odom, covariance=np.diag([4e-4] * 3 + [1.6e-5] * 3),
                     began_anew=step == 0, features=features, points=points,
                 )  # fmt: skip
                 began = time.process_time()

@@ -156,6 +156,9 @@ def test_its_parameters_lie_beneath_those_of_the_user(tmp_path: Path) -> None:
     assert (parameters.kp.max_features, parameters.rtabmap.detection_rate) == (300, 0.0)
     asked = Opened(path, sets=("Kp/MaxFeatures=700", "Rtabmap/DetectionRate=1")).feed.plan.parameters
     assert (asked.kp.max_features, asked.rtabmap.detection_rate) == (700, 1.0)
+    localised = write(tmp_path / "c.db", text="Mem/IncrementalMemory:false;Kp/MaxFeatures:300")
+    mem = Opened(localised).feed.plan.parameters.mem
+    assert mem.incremental_memory  # what its last session was for; this one maps
     found = Opened(write(tmp_path / "b.db", text="Kp/MaxFeatures:many"))
     assert any("values that slamcli has not are left out: Kp/MaxFeatures many" in line for line in found.log.warnings)
     assert found.feed.plan.parameters.kp.max_features == 500

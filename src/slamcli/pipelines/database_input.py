@@ -146,7 +146,7 @@ def _with_stored(config: NativeConfig, database: Database, log: RunLog, *, own_o
     for old_name, text in database.parameters().items():
         setting = of_today(Setting(old_name, text, str(database.path), 0)).setting
         name = "" if setting is None else setting.name
-        if setting is None or name not in known or name in config.sources:
+        if setting is None or name not in known or name in _OF_THE_RUN or name in config.sources:
             continue
         try:
             stored[name] = convert(known[name], setting.value)

@@ -30,8 +30,8 @@ Floats = NDArray[np.float64]
 
 _EVERY = 5
 """A search after so many nodes."""
-_LATER = 0.1
-"""And after so many more of those that were in vain."""
+_LATER, _LATEST = 0.1, 20
+"""And after this share of those that were in vain, but not more than so many."""
 _LEAST_SCORE = 0.6
 """Mean probability of the cells that the points must fall in."""
 _AROUND_M = 8.0
@@ -102,7 +102,7 @@ class ScanJoining:
         self._count += 1
         if self._count < self._next:
             return None
-        self._next = self._count + max(_EVERY, int(_LATER * self._count))
+        self._next = self._count + max(_EVERY, min(_LATEST, int(_LATER * self._count)))
         scan, own = self._scan_of(new_id), graph.component(new_id)
         if any(graph.nodes[node].map_id < session for node in own if node > 0):
             self._joined = session

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import FormatError
-from slamcli.geometry import se3
 
 _TAIL = struct.Struct("<iii")
 _DEPTHS = ("u1", "i1", "<u2", "<i2", "<i4", "<f4", "<f8")
@@ -50,11 +49,6 @@ def unpack_pose(blob: bytes | None) -> NDArray[np.float64] | None:
     """Return float64 (4, 4), or None where there is no pose."""
     pose = unpack_poses([blob])[0]
     return pose if np.isfinite(pose).all() else None
-
-
-def inverse_pose(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the inverse of T (4, 4)."""
-    return se3.inverse(T)
 
 
 def pack_matrix(values: NDArray[Any], kind: int | None = None) -> bytes:
