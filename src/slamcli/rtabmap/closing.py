@@ -40,7 +40,8 @@ _UNSURE = 0.02
 _NEIGHBOURS = 2
 """Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
 _AGREEING = 0.3
-"""Standard deviations: a closure that the graph agrees with so well moves nothing worth the time; the last optimisation has it."""
+"""Standard deviations: a closure by scans, of which there are many, that the graph agrees with so well moves nothing worth the time;
+the last optimisation has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -133,7 +134,7 @@ class Closing:
     def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
         """Return which of the proposed closures, which the graph does not have yet, it can bear."""
         new = [proposal.link for proposal in proposals]
-        agreeing = self._agreed(ids, graph, new)
+        agreeing = self._agreed(ids, graph, new) if all(proposal.by_scans for proposal in proposals) else None
         return self._check.judge(
             lambda links: self.optimise(ids, graph, links) if agreeing is None else agreeing,
             graph.links_among(ids),
