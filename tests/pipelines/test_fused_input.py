@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -172,6 +173,22 @@ def test_everything_of_one_recording(tmp_path: Path) -> None:
     np.testing.assert_allclose(fed.feed.T_base_sensor["/imu"][:3, 3], [0.0, 0.0, 0.1], atol=1e-12)
     assert fed.log.warnings == []
     assert fed.feed.length_s == pytest.approx(0.95)
+
+
+def test_a_clock_of_odometry_that_is_ahead_parts_no_image_from_its_depth(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    kinds = {**RGBD, **SCAN, "/odom": [odometry(40 * i + 5) for i in range(27)]}
+    with create_recording(path) as writer:
+        writer.write_transforms("/tf_static", MOUNTS, log_time_ns=START)
+        for measurement, topic in sorted(
+            ((m, t) for t, ms in kinds.items() for m in ms), key=lambda row: row[0].stamp_ns
+        ):
+            ahead = replace(measurement, stamp_ns=measurement.stamp_ns + 3000 * MS) if topic == "/odom" else measurement
+            writer.write(topic, ahead, log_time_ns=measurement.stamp_ns)
+    fed = Fed(path)
+    assert fed.kinds["RgbdFrame"] == 20
+    assert fed.kinds["LaserScan"] == 9
+    assert fed.log.warnings == []
 
 
 def test_stereo_with_clouds(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import CalibrationError, RecordingError, UsageError
 from slamcli.mapper import InputPlan, SensorOffer, Tier
-from slamcli.measurements import CameraRig, Image, Measurement, Odometry
+from slamcli.measurements import CameraRig, Image, ImuSample, Measurement, Odometry
 from slamcli.pipelines.camera_finding import CameraRequest, FoundCameras, found_cameras
 from slamcli.pipelines.camera_input import CameraFeed, planned_cameras
 from slamcli.pipelines.config import NativeConfig
@@ -113,9 +113,11 @@ class FusedFeed:
                         yield from order.add(found)
                 else:
                     yield from order.add(measurement)
-                for frame in pairing.decided(measurement.stamp_ns):
-                    yield from order.add(frame)
-                yield from order.ready(measurement.stamp_ns, pairing.waits_since_ns)
+                if isinstance(measurement, Image):
+                    for frame in pairing.decided(measurement.stamp_ns):
+                        yield from order.add(frame)
+                if not isinstance(measurement, (Odometry, ImuSample)):  # whose clock may be ahead
+                    yield from order.ready(measurement.stamp_ns, pairing.waits_since_ns)
             for frame in pairing.decided(None):
                 yield from order.add(frame)
             yield from order.ready(None)
