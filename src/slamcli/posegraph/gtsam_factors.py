@@ -56,7 +56,9 @@ def solved_poses(problem: PoseProblem, result: Any, planar: bool) -> Floats:
         poses[order] = se3.from_rotation_translation(rows[:, :9].reshape(-1, 3, 3), rows[:, 9:])
     if np.any(problem.known.gravity) or len(problem.known.row):
         return poses
-    return start @ se3.inverse(poses[problem.root]) @ poses
+    # Rotations that are not quite any more would grow from call to call, where each has another root.
+    moved = start @ se3.inverse(poses[problem.root]) @ poses
+    return se3.from_position_quaternion(*se3.to_position_quaternion(moved))
 
 
 def fingerprints(problem: PoseProblem) -> list[bytes]:

@@ -15,6 +15,7 @@ from slamcli.rtabmap.fixed_map import FixedMap
 from slamcli.rtabmap.graph import GraphOptimiser, OptimisedGraph, graph_root, graph_settings, worst_link
 from slamcli.rtabmap.hypothesis import Hypothesis
 from slamcli.rtabmap.landmarks import MarkerFinder, prior_links
+from slamcli.rtabmap.late_joins import Join, find_join
 from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.local_bundle import Around, adjusted_locally
 from slamcli.rtabmap.map_graph import MapGraph
@@ -277,6 +278,24 @@ class Closing:
             registration = self._by_scans_too(self._register(old, node, guess), old, node)
             found.append(self._proposal(old_id, node, LinkKind.LOCAL_SPACE_CLOSURE, registration))
         return [proposal for proposal in found if proposal is not None]
+
+    def join_in_the_end(self, graph: MapGraph, node_ids: Sequence[int]) -> tuple[Join, list[Proposal]] | None:
+        """Return how the map of some nodes lies in another that nothing ties it to, with the closures that tell; None: unknown."""
+        if self._camera is None or not node_ids:
+            return None
+
+        def register(old_id: int, node_id: int) -> Registration:
+            old, node = self._memory.recall(old_id), self._memory.recall(node_id)
+            return self._by_scans_too(self._register(old, node, None), old, node)
+
+        join = find_join(graph, node_ids, self._memory.alike, register)
+        if join is None:
+            return None
+        found = (
+            self._proposal(old_id, self._memory.recall(node_id), LinkKind.GLOBAL_CLOSURE, registration)
+            for old_id, node_id, registration in join.pairs
+        )
+        return join, [proposal for proposal in found if proposal is not None]
 
     def refined(self, link: Link, old: Signature, new: Signature) -> Link:
         """Return a link between neighbours, measured anew if RGBD/NeighborLinkRefining asks for it and it can be.

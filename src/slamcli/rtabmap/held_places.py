@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -71,3 +72,11 @@ class HeldPlaces:
         become = dict.fromkeys(missing.tolist(), 0)
         become |= {old: new or old for old, new in zip(found.tolist(), now.tolist(), strict=True)}
         return np.array([become.get(word, word) for word in word_ids.tolist()], np.int64)
+
+    def alike(self, node_id: int, places: Sequence[int]) -> list[int]:
+        """Return those of some places that share words with a node at hand, the likeliest first; none for a node without words."""
+        ids = np.array(places, dtype=np.int64)
+        if node_id not in self.bags or node_id not in self.file or not len(ids):
+            return []
+        sums, _ = self.file.scores(self.bags[node_id], ids)
+        return [int(ids[row]) for row in np.lexsort((-ids, -sums)).tolist() if sums[row] > 0.0]

@@ -266,6 +266,11 @@ class Memory:
         ratio = self._rtabmap.virtual_place_likelihood_ratio
         return Likelihood(ids=ids, scores=scores, values=adjusted(scores, ratio=ratio))
 
+    def alike(self, node_id: int, among: Collection[int]) -> list[int]:
+        """Return the nodes of working memory among some that share words with a node, the likeliest first."""
+        wanted = set(among)
+        return self._held.alike(node_id, [node for node in self.working if node in wanted])
+
     def posterior(self, likelihood: Likelihood, graph: MapGraph) -> Posterior:
         """Return where the robot is again."""
         intermediate = frozenset(node for node in self._held.signatures if self._held.weights[node] < 0)

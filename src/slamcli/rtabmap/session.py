@@ -154,6 +154,7 @@ class Session:
         """Tie nodes by the odometry as it is known in the end, look once more for places, and optimise everything."""
         self._use_final_odometry(track)
         self._optimise_all()
+        self._join_late()
         for _ in range(self.parameters.slamcli.final_searches):
             if not self._search_again():
                 break
@@ -170,6 +171,26 @@ class Session:
             return False
         ids = self._scope([end for one in proposals for end in (one.link.from_id, one.link.to_id)], everything=True)
         return bool(self._take(proposals, self.closing.sort_out(ids, self.graph, proposals)))
+
+    def _join_late(self) -> None:
+        """Put maps of this run that nothing tied into others, where many of their nodes together say how; the smallest first."""
+        if self.localising or not self.parameters.slamcli.final_searches:
+            return
+        waiting = sorted(
+            {tuple(self.graph.component(node_id)) for node_id in self.own_nodes}, key=lambda ids: (len(ids), ids)
+        )
+        for ids in waiting:
+            own = [node_id for node_id in ids if node_id in self.graph.nodes]
+            found = self.closing.join_in_the_end(self.graph, own)
+            if found is None:
+                continue
+            join, proposals = found
+            moved = np.array([self.graph.T_map_base[node_id] for node_id in join.moved])
+            self.graph.place(join.moved, join.T_to_from @ moved)
+            scope = self._scope(
+                [end for one in proposals for end in (one.link.from_id, one.link.to_id)], everything=True
+            )
+            self._take(proposals, self.closing.sort_out(scope, self.graph, proposals))
 
     def _merge(self, gone: int, kept: int) -> None:
         """Let one node stand for another that saw the same."""
