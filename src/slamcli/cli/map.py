@@ -129,7 +129,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 )
 @click.option(
     "--dense", type=click.Choice(["none", "cloud", "mesh", "texture"]), default=_CHOICES["dense"], show_default=True,
-    help="Also write dense.ply from the depth images of keyframes: a coloured cloud, or a mesh (RGB-D); or dense.obj, a mesh with the images on it.",
+    help="Also write dense.ply from the depth images of keyframes: a coloured cloud, or a mesh (RGB-D; rtabmap: stereo too); or dense.obj, a mesh with the images on it.",
 )  # fmt: skip
 @click.option(
     "--dense-voxel", type=click.FloatRange(0.001, 1.0), default=_CHOICES["dense_voxel"], show_default=True, metavar="METRES",

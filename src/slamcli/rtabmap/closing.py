@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from slamcli.rtabmap.links import Link, LinkKind
 from slamcli.rtabmap.local_bundle import Around, adjusted_locally
 from slamcli.rtabmap.map_graph import MapGraph
 from slamcli.rtabmap.memory import Memory
-from slamcli.rtabmap.node_rate import motion_size
+from slamcli.rtabmap.pairs_near import pairs_near
 from slamcli.rtabmap.parameters import RtabmapParameters
 from slamcli.rtabmap.registration import Registration, refused
 from slamcli.rtabmap.scan_joining import ScanJoining
@@ -40,11 +40,8 @@ _UNSURE = 0.02
 _NEIGHBOURS = 2
 """Nodes before and after a hypothesis that are tried too: the best view of a place is not always the likeliest."""
 _AGREEING = 0.3
-"""Standard deviations: a closure that the graph agrees with so well moves nothing worth the time; the last optimisation has it."""
-_NEAR_M, _NEAR_RAD = 2.0, 0.8
-"""Nodes of the finished map that are farther apart or look elsewhere are not compared."""
-_MOST_PER_NODE = 8
-"""Searches of the finished map for one node."""
+"""Standard deviations: a closure by scans, of which there are many, that the graph agrees with so well moves nothing worth the time;
+the last optimisation has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,7 +134,7 @@ class Closing:
     def judge(self, ids: Sequence[int], graph: MapGraph, proposals: Sequence[Proposal]) -> Verdict:
         """Return which of the proposed closures, which the graph does not have yet, it can bear."""
         new = [proposal.link for proposal in proposals]
-        agreeing = self._agreed(ids, graph, new)
+        agreeing = self._agreed(ids, graph, new) if all(proposal.by_scans for proposal in proposals) else None
         return self._check.judge(
             lambda links: self.optimise(ids, graph, links) if agreeing is None else agreeing,
             graph.links_among(ids),
@@ -271,22 +268,15 @@ class Closing:
             return found
         return refined_by_scans(found, old.scan, new.scan, self._scan_settings)
 
-    def in_the_end(self, graph: MapGraph, node_ids: list[int]) -> Iterator[list[Proposal]]:
-        """Yield, node by node, closures with nodes near it in the finished map that no link ties to it yet."""
-        if self._camera is None:
-            return
-        for node_id in node_ids:
-            node = self._memory.recall(node_id)
-            found = []
-            for other_id in _near_in_map(graph, node_id):
-                other = self._memory.recall(other_id)
-                guess = se3.inverse(graph.T_map_base[other_id]) @ graph.T_map_base[node_id]
-                registration = self._by_scans_too(self._register(other, node, guess), other, node)
-                proposal = self._proposal(other_id, node, LinkKind.LOCAL_SPACE_CLOSURE, registration)
-                if proposal is not None:
-                    found.append(proposal)
-            if found:
-                yield found
+    def in_the_end(self, graph: MapGraph, node_ids: Sequence[int]) -> list[Proposal]:
+        """Return closures of nodes with others near them in the finished map that no link ties to them yet."""
+        found = []
+        for old_id, node_id in pairs_near(graph, node_ids) if self._camera is not None else ():
+            old, node = self._memory.recall(old_id), self._memory.recall(node_id)
+            guess = se3.inverse(graph.T_map_base[old_id]) @ graph.T_map_base[node_id]
+            registration = self._by_scans_too(self._register(old, node, guess), old, node)
+            found.append(self._proposal(old_id, node, LinkKind.LOCAL_SPACE_CLOSURE, registration))
+        return [proposal for proposal in found if proposal is not None]
 
     def refined(self, link: Link, old: Signature, new: Signature) -> Link:
         """Return a link between neighbours, measured anew if RGBD/NeighborLinkRefining asks for it and it can be.
@@ -349,16 +339,3 @@ def information_of(covariance: Floats) -> Floats:
     floor = np.diag([1e-8, 1e-8, 1e-8, 3e-8, 3e-8, 3e-8])
     information = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
     return 0.5 * (information + information.T)
-
-
-def _near_in_map(graph: MapGraph, node_id: int) -> list[int]:
-    """Return the nearest older nodes that look the same way and that no link ties to a node."""
-    here = graph.T_map_base[node_id]
-    component = set(graph.component(node_id))
-    found: list[tuple[float, int]] = []
-    for other, T in graph.T_map_base.items():
-        if 0 < other < node_id and other in component and not graph.are_linked(other, node_id):
-            way, turn = motion_size(se3.inverse(T) @ here)
-            if way <= _NEAR_M and turn <= _NEAR_RAD:
-                found.append((way + turn, other))
-    return [other for _, other in sorted(found)[:_MOST_PER_NODE]]

@@ -165,7 +165,7 @@ class Session:
 
     def _search_again(self) -> bool:
         """Return whether the finished map showed places that no closure tied yet."""
-        proposals = [one for found in self.closing.in_the_end(self.graph, self.own_nodes) for one in found]
+        proposals = self.closing.in_the_end(self.graph, self.own_nodes)
         if not proposals:
             return False
         ids = self._scope([end for one in proposals for end in (one.link.from_id, one.link.to_id)], everything=True)
