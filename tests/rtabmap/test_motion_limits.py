@@ -38,3 +38,18 @@ def test_a_jump_begins_a_map() -> None:
     found = limits(NewMapOdomChangeDistance=1.0)
     steps = [step(0, 0), step(1, 0.9), step(2, 2.0), step(3, 0, lost=True), step(4, 9.0), step(5, 20.0, anew=True)]
     assert [found.begins_anew(one) for one in steps] == [False, False, True, False, False, False]
+
+
+def test_a_step_that_nothing_makes_is_told() -> None:
+    found = limits()
+    for k in range(20):  # ten frames a second at 0.5 m/s, and 3 m between two of them
+        found.begins_anew(step(0.1 * k, 0.05 * k + (3.0 if k > 9 else 0.0)))
+    assert found.jumps.startswith("the odometry jumps 1 times, first by 3.0 m at 1.000 s")
+
+
+def test_a_car_does_not_jump() -> None:
+    found = limits()
+    for k in range(30):  # at 35 m/s when the recording begins, braking at 8 m/s^2, frames missing
+        if k not in (12, 13):
+            found.begins_anew(step(0.1 * k, 3.5 * k - 0.04 * k**2, lost=k == 20))
+    assert found.jumps == ""

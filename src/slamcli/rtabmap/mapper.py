@@ -75,6 +75,8 @@ class RtabmapMapper:
         refined = self._front.refined()
         if refined is not None:
             self._track.refine(*refined)
+        if self._limits.jumps:
+            self._setup.log.warn(self._limits.jumps)
 
     def _take(self, moment: Moment) -> None:
         step = moment.step
