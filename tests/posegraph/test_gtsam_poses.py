@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -151,3 +152,22 @@ def test_what_nothing_holds_is_refused_with_a_sentence():
         bad[3, 0, 3] = np.nan
         with pytest.raises(EstimationError, match="edge 3 of the graph is not finite"):
             solve(replace(problem, edges=replace(edges, T_first_second=bad)))
+
+
+def test_rotations_that_are_not_quite_any_more_come_back_as_rotations():
+    # With another root at each call an error of the root's rotation grew from call to call.
+    from slamcli.posegraph.gtsam_factors import solved_poses
+
+    gtsam = pytest.importorskip("gtsam")
+    poses = np.stack([np.eye(4), np.eye(4)])
+    poses[0, :3, :3] *= 1.001
+    poses[1, 0, 3] = 1.0
+    values = gtsam.Values()
+    for key in (3, 8):
+        values.insert(key, gtsam.Pose3(poses[int(key == 8)]))
+    known = SimpleNamespace(gravity=np.zeros(0), row=np.zeros(0, np.int64))
+    problem = SimpleNamespace(keys=np.array([3, 8]), T_map_pose=poses, root=0, known=known)
+    solved = solved_poses(problem, values, planar=False)
+    np.testing.assert_allclose(
+        solved[:, :3, :3] @ solved[:, :3, :3].transpose(0, 2, 1), np.stack([np.eye(3)] * 2), atol=1e-12
+    )

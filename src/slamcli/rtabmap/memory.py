@@ -124,8 +124,6 @@ class Memory:
         """Return nodes whose weights changed since the last call, with the weights."""
         return self._held.take_changed_weights()
 
-    # --- a new image -----------------------------------------------------------------------------------------------
-
     def words_of(self, features: Features) -> Ids:
         """Begin an update: return the word of each key point, int64 (N,), 0 for those that are not quantised.
 
@@ -145,8 +143,6 @@ class Memory:
         if self._kp.max_features > 0:
             return float(self._kp.max_features)
         return sum(bag.total for bag in self._held.bags.values()) / max(1, len(self._held.bags))
-
-    # --- rehearsal -------------------------------------------------------------------------------------------------
 
     def rehearse(self, signature: Signature) -> bool:
         """Take what is seen while the robot stands; return whether it is the last place again, whose weight grows then."""
@@ -254,8 +250,6 @@ class Memory:
         self._held.weights.pop(node_id, None)
         self._num_known -= 1
 
-    # --- places known again ----------------------------------------------------------------------------------------
-
     def likelihood(self, signature: Signature) -> Likelihood | None:
         """Return how much the places in working memory look like a node in memory; None if it is bad or there are none."""
         ids = np.array([node for node in self.working if self._held.weights[node] >= 0], np.int64)
@@ -295,8 +289,6 @@ class Memory:
         if self._held.weights[taking] >= 0 and self._held.weights[giving] >= 0:
             self._held.set_weight(taking, self._held.weights[taking] + self._held.weights[giving])
             self._held.set_weight(giving, 0)
-
-    # --- long-term memory ------------------------------------------------------------------------------------------
 
     def retrieve(self, hypothesis: int, graph: MapGraph, *, here: int | None = None) -> list[int]:
         """Bring nodes back from long-term memory, and return them: around a hypothesis (0: none), and near the robot.
