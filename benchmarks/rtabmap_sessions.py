@@ -95,7 +95,8 @@ def cut(args: argparse.Namespace) -> None:
                 if (out / part).exists()
             ]
             same = (out / "fixed.db").stat().st_size
-            print(name, rows, both.get("sessions joined"), both.get("nodes in the map"), rows[1][0] / rows[0][0])
+            ratio = rows[1][0] / rows[0][0] if len(rows) > 1 else float("nan")
+            print(name, rows, both.get("sessions joined"), both.get("nodes in the map"), ratio)
             print("   localised", found.get("frames"), found.get("in other maps"), same, flush=True)
 
 
@@ -103,7 +104,8 @@ class Ring:
     """Two walls along a circle; a robot drives between them and sees those points that are near."""
 
     def __init__(self, *, places: int, per_place: int = 1000) -> None:
-        from tests.rtabmap import visual_worlds
+        sys.path.insert(0, str(ROOT / "tests" / "rtabmap"))
+        import visual_worlds
 
         self.motion_world, self._rng = visual_worlds, np.random.default_rng(0)
         self.radius_m, self.places = 2.0 * places / (2.0 * np.pi), places
@@ -138,8 +140,8 @@ def memory_mb() -> float:
 
 def laps(args: argparse.Namespace) -> None:
     """Drive a circuit again and again; print what each lap took."""
-    sys.path.insert(0, str(ROOT))
-    from tests.rtabmap.session_worlds import opened
+    sys.path.insert(0, str(ROOT / "tests" / "rtabmap"))
+    from session_worlds import opened
 
     from slamcli.pipelines.config import load_native
     from slamcli.rtabmap.links import CLOSURES

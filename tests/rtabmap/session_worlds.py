@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from tests.rtabmap.visual_worlds import CAMERA, T_BASE_CAMERA, motion, signature
+from visual_worlds import CAMERA, T_BASE_CAMERA, motion, signature
 
 from slamcli.mapper import DatabaseChoice, Setup
 from slamcli.rtabmap.node_input import NodeInput

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.rtabmap.odometry_world import CAMERA, T_BASE_CAMERA, World, pose
+from odometry_world import CAMERA, T_BASE_CAMERA, World, pose
 
 from slamcli.geometry import se3
 from slamcli.rtabmap.local_map import LocalMap

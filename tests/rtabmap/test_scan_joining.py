@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.rtabmap.session_worlds import FIRST_NS, opened, parameters
-from tests.rtabmap.visual_worlds import motion
+from session_worlds import FIRST_NS, opened, parameters
+from visual_worlds import motion
 
 from slamcli.errors import EstimationError
 from slamcli.rtabmap.frame_track import FrameTrack

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from tests.rtabmap.session_worlds import FIRST_NS, STEPS, Hall, errors, node_inputs, on_circle, opened, parameters
-from tests.rtabmap.visual_worlds import motion
+from session_worlds import FIRST_NS, STEPS, Hall, errors, node_inputs, on_circle, opened, parameters
+from visual_worlds import motion
 
 from slamcli.errors import EstimationError
 from slamcli.rtabmap.database import Database

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.rtabmap.odometry_world import CAMERA, STEP_NS, T_BASE_CAMERA, World, circle, nothing, pose
+from odometry_world import CAMERA, STEP_NS, T_BASE_CAMERA, World, circle, nothing, pose
 
 from slamcli.geometry import se3
 from slamcli.rtabmap.feature_settings import Detector, FeatureSettings
