@@ -158,10 +158,10 @@ def test_scans_alone_make_a_map_and_a_warning(scans_only, capsys):
     with open_recording([Path(OFFICE)]):
         truth = read_tum(ROOT / "sample_data" / "office.truth.tum")
     found = read_tum("out/trajectory.tum")
-    n = len(found)
-    assert found.length_m == pytest.approx(
-        float(np.linalg.norm(np.diff(truth.positions_m[:n], axis=0), axis=1).sum()), rel=0.1
-    )
+    # Without wheels the speed along the corridor is found after a while: the way from the fifth second on counts.
+    known = slice(40, len(found))
+    ways = [np.linalg.norm(np.diff(path.positions_m[known], axis=0), axis=1).sum() for path in (found, truth)]
+    assert ways[0] == pytest.approx(ways[1], rel=0.05)
     assert run(["map", scans_only, "-o", "two", "-q", "--set", "scan_odometry=false", "--laser-pose", "0,0,0"]) == 2
     assert "scan_odometry" in capsys.readouterr().err
     assert not Path("two").exists()
