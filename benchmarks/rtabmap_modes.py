@@ -122,6 +122,7 @@ def main() -> None:
     for label, (name, options) in CASES.items():
         if re.search(arguments.only, f"{name} {label}"):
             if not (arguments.data / f"{name}.mcap").exists():
+                print(f"{label}: there is no {arguments.data / name}.mcap", file=sys.stderr)
                 continue
             with tempfile.TemporaryDirectory() as folder:
                 options = options if arguments.duration is None else [*options, "--duration", str(arguments.duration)]

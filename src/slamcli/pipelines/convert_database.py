@@ -9,9 +9,8 @@ from pathlib import Path
 from slamcli.errors import UsageError
 from slamcli.formats.g2o import write_g2o
 from slamcli.formats.trajectories import WRITERS
-from slamcli.pipelines.convert_state import StateConversion
+from slamcli.pipelines.convert_state import StateConversion, recorded
 from slamcli.pipelines.database_poses import read_database_graph, read_database_poses
-from slamcli.pipelines.output_record import write_output_record
 from slamcli.pipelines.trajectories import parse_source
 from slamcli.runtime import RunLog
 
@@ -54,11 +53,4 @@ def convert_database(source: str, target: Path, log: RunLog) -> StateConversion:
         trajectory = read_database_poses(found.path, found.part, log=log)
         WRITERS[kind](target, trajectory)
         poses = len(trajectory)
-    write_output_record(
-        [target], command="convert", inputs=[found.path], parameters={"format": kind, "part": found.part or None},
-        changed={}, summary={"poses": poses}, topics={}, duration_s=0.0, log=log,
-    )  # fmt: skip
-    return StateConversion(
-        source=found.path, target=target, format=kind, poses=poses, size_bytes=target.stat().st_size,
-        seconds=time.perf_counter() - began,
-    )  # fmt: skip
+    return recorded(found, target, kind, poses, began, log)

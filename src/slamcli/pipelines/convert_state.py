@@ -14,7 +14,7 @@ from slamcli.formats.pbstream.reading import read_state
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.formats.trajectories import WRITERS
 from slamcli.pipelines.output_record import write_output_record
-from slamcli.pipelines.trajectories import parse_source
+from slamcli.pipelines.trajectories import Source, parse_source
 from slamcli.runtime import RunLog
 
 _FORMATS = {".tum": "tum", ".txt": "tum", ".kitti": "kitti", ".csv": "euroc", ".pbstream": "pbstream"}
@@ -61,6 +61,11 @@ def convert_state(source: str, target: Path, log: RunLog) -> StateConversion:
     if target.resolve() == found.path.resolve():
         raise UsageError(f"{target}: source and target are the same")
     poses = (_rewrite if kind == "pbstream" else _write_poses(kind))(found.path, found.part, target, log)
+    return recorded(found, target, kind, poses, began, log)
+
+
+def recorded(found: Source, target: Path, kind: str, poses: int, began: float, log: RunLog) -> StateConversion:
+    """Write the record of a conversion beside its target; return what was done. `began` is of `time.perf_counter`."""
     write_output_record(
         [target], command="convert", inputs=[found.path], parameters={"format": kind, "part": found.part or None},
         changed={}, summary={"poses": poses}, topics={}, duration_s=0.0, log=log,

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import DataError, UsageError
+from slamcli.errors import UsageError
 from slamcli.geometry import se3
 from slamcli.mapper import Setup
 from slamcli.measurements import LaserScan, Measurement, Odometry, PointCloud
@@ -19,14 +19,13 @@ from slamcli.rtabmap.moment import Moment
 from slamcli.rtabmap.node_input import OdometryStep
 from slamcli.rtabmap.node_scans import node_scan, sweep_ns
 from slamcli.rtabmap.parameters import RtabmapParameters
-from slamcli.rtabmap.signature import NodeImages, NodeScan, no_features
-from slamcli.vision.features import Features
-from slamcli.vision.preparation import PreparedFrame
+from slamcli.rtabmap.sightless_front import SightlessFront
+from slamcli.rtabmap.signature import NodeScan
 
 Floats = NDArray[np.float64]
 
 
-class RangeFront:
+class RangeFront(SightlessFront):
     """Hands out scans and clouds in their order, as soon as the odometry that belongs to them is known."""
 
     def __init__(self, parameters: RtabmapParameters, setup: Setup) -> None:
@@ -43,15 +42,6 @@ class RangeFront:
         self._odometry = None if is_given else CloudOdometry(CloudOdometrySettings.of(parameters))
         self._waiting: deque[LaserScan | PointCloud] = deque()
         self._last: Floats | None = None
-
-    @property
-    def camera(self) -> None:
-        """There is none."""
-
-    @property
-    def T_base_camera(self) -> Floats:  # noqa: N802 - frames stand in names
-        """Of no camera: the base itself."""
-        return np.eye(4)
 
     def take(self, measurement: Measurement) -> Iterator[Moment]:
         """Take the next measurement; yield the scans that are ready."""
@@ -74,28 +64,6 @@ class RangeFront:
             log = self._setup.log
             log.counts["clouds without odometry"] += self._odometry.num_lost
             log.counts["resets of the odometry"] += self._odometry.num_resets
-
-    def images(self, prepared: PreparedFrame) -> NodeImages:
-        """There are none.
-
-        Raises
-        ------
-        DataError
-            Always.
-        """
-        raise DataError(f"frame at {prepared.stamp_ns} ns: this robot has no cameras")
-
-    def node_features(self, moment: Moment) -> Features:  # noqa: ARG002
-        """Return no key points: there are no images."""
-        return no_features()
-
-    def points(self, features: Features) -> Floats:
-        """Return where key points lie: of none."""
-        return np.full((len(features), 3), np.nan)
-
-    def refined(self) -> None:
-        """Return nothing: odometry was known at once."""
-        return
 
     def why_nothing(self) -> str:
         """Return in words why no node was made."""
