@@ -54,7 +54,7 @@ class Recovery(Protocol):
 
 
 class ClearCostmaps:
-    """Forgets obstacles outside a square around the robot: ``clear_costmap_recovery``."""
+    """Forgets obstacles outside a square of side `width_m` around the robot: ``clear_costmap_recovery``."""
 
     def __init__(self, name: str, costmaps: Costmaps, width_m: float, parameters: RecoveryParameters) -> None:
         self.name = name
@@ -185,9 +185,9 @@ def build_recoveries(
     found: list[Recovery] = []
     for name in move_base.recovery_behaviors.replace(",", " ").split():
         if name == "conservative_reset":
-            found.append(ClearCostmaps(name, costmaps, 2.0 * move_base.conservative_reset_dist, parameters))
+            found.append(ClearCostmaps(name, costmaps, move_base.conservative_reset_dist, parameters))
         elif name == "aggressive_reset":
-            found.append(ClearCostmaps(name, costmaps, 8.0 * circumscribed_radius_m, parameters))
+            found.append(ClearCostmaps(name, costmaps, 4.0 * circumscribed_radius_m, parameters))
         elif name == "rotate_recovery":
             if move_base.clearing_rotation_allowed:
                 found.append(RotateInPlace(name, costmaps, parameters))
