@@ -30,6 +30,7 @@ ROOMS = (
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
+    "navigation.shortest_path",
     "orbslam3.essential_graph",
     "orbslam3.sparse_map",
     "posegraph.drift",
