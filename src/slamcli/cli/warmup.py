@@ -52,6 +52,7 @@ ROOMS = (
     "rtabmap.dictionary",
     "rtabmap.likelihood",
     "simulation.drive",
+    "simulation.plant",
     "simulation.raycast",
     "simulation.render",
     "simulation.space",
