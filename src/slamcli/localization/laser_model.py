@@ -79,8 +79,8 @@ def select_beams(
     if not most > 0.0:  # a scanner that says it sees nothing tells nothing
         most, ranges = 1.0, ranges * np.nan
     position, yaw, sense = _mount(T_base_laser)
-    angles = scan.angle_min_rad + every * scan.angle_increment_rad
-    return Beams(position, yaw + sense * angles, ranges, most)
+    bearings: Array = yaw + sense * scan.angles_rad[every]
+    return Beams(position, bearings, ranges, most)
 
 
 def _mount(T_base_laser: Array) -> tuple[Array, float, float]:
