@@ -27,6 +27,7 @@ ROOMS = (
     "grids.tsdf_grid",
     "grids.voxel_odds",
     "grids.voxel_rays",
+    "navigation.dwa_scoring",
     "navigation.grid_search",
     "navigation.navfn",
     "navigation.path_shape",
