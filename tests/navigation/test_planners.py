@@ -17,7 +17,7 @@ from slamcli.navigation.costmap_parameters import CostmapParameters
 from slamcli.navigation.endpoints import NoPathError
 from slamcli.navigation.global_planner import METHODS, GlobalPlanner
 from slamcli.navigation.grid_search import GridSearch
-from slamcli.navigation.navfn import NavFn
+from slamcli.navigation.navfn import NavFn, traversal_costs
 from slamcli.navigation.path_shape import headings, line_integral
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import SearchSpace
@@ -70,7 +70,7 @@ def test_dijkstra_and_astar_equal_the_naive_search(seed: int, inflation: float) 
     space = SearchSpace.build(costmap, PlannerParameters())
     searches = [GridSearch(space, guided=guided) for guided in (False, True)]
     prepared = GridSearch(space, guided=True)
-    prepared.prepare()
+    prepared.prepare(space.regions)
     random = np.random.default_rng(seed)
     free = np.argwhere(space.regions > 0)
     for _ in range(12):
@@ -154,7 +154,7 @@ def test_navfn_potential_equals_a_plain_implementation() -> None:
     # A target that cannot be reached: the wave runs until nothing changes.
     target = tuple(int(v) for v in np.argwhere(space.regions == 0)[0])
     potential = planner.compute_potential(start, target).copy()
-    costs = np.asarray(planner._costs).reshape(space.levels.shape)
+    costs = traversal_costs(space)[space.levels]
     naive = np.full(costs.shape, 1e10)
     naive[start[0] + 1, start[1] + 1] = 0.0
     for _ in range(400):

@@ -14,6 +14,7 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Singles = NDArray[np.float32]
+Ints = NDArray[np.int64]
 
 OBSTACLE = 254
 NEUTRAL = 50
@@ -22,14 +23,18 @@ _SIDE = np.float32(0.707106781)
 
 
 @njit(cache=True)
-def propagate(costs: Bytes, width: int, origin: int, target: int, potential: Singles, pending: Bools) -> int:
+def propagate(
+    levels: Bytes, toll: Bytes, width: int, origin: int, target: int, potential: Singles, pending: Bools, extent: Ints
+) -> int:
     """Let the wave grow from cell `origin` until `target` is reached; return the number of rounds.
 
-    costs : uint8 (N,) traversal costs, 254 is an obstacle; potential : float32 (N,) and pending : bool (N,), both
-    overwritten.
+    levels : uint8 (N,) costmap values; toll : uint8 (256,) what crossing a cell costs by its value, 254 is an obstacle;
+    potential : float32 (N,) and pending : bool (N,), work space that is kept from call to call; extent : int64 (2,), first
+    and last cell plus one that the call before may have touched, (0, N) before the first.
     """
-    potential[:] = UNREACHED
-    pending[:] = False
+    potential[extent[0] : extent[1]] = UNREACHED
+    pending[extent[0] : extent[1]] = False
+    lowest, highest = origin, origin
     current = np.empty(4096, dtype=np.int64)
     following = np.empty(4096, dtype=np.int64)
     overflow = np.empty(4096, dtype=np.int64)
@@ -38,7 +43,7 @@ def propagate(costs: Bytes, width: int, origin: int, target: int, potential: Sin
     sides = np.array([1, -1, -width, width])
     potential[origin] = 0.0
     for side in sides:
-        if costs[origin + side] < OBSTACLE:
+        if toll[levels[origin + side]] < OBSTACLE:
             current[num_current] = origin + side
             pending[origin + side] = True
             num_current += 1
@@ -57,10 +62,11 @@ def propagate(costs: Bytes, width: int, origin: int, target: int, potential: Sin
             cell = current[i]
             left, right = potential[cell - 1], potential[cell + 1]
             up, down = potential[cell - width], potential[cell + width]
-            value = _update(left, right, up, down, np.float32(costs[cell]))
+            value = _update(left, right, up, down, np.float32(toll[levels[cell]]))
             if not value < potential[cell]:
                 continue
             potential[cell] = value
+            lowest, highest = min(lowest, cell), max(highest, cell)
             near = value < threshold
             for k in range(4):
                 if k == 0:
@@ -71,8 +77,8 @@ def propagate(costs: Bytes, width: int, origin: int, target: int, potential: Sin
                     neighbour, there = cell - width, up
                 else:
                     neighbour, there = cell + width, down
-                toll = costs[neighbour]
-                if there > value + _SIDE * np.float32(toll) and not pending[neighbour] and toll < OBSTACLE:
+                cost = toll[levels[neighbour]]
+                if there > value + _SIDE * np.float32(cost) and not pending[neighbour] and cost < OBSTACLE:
                     pending[neighbour] = True
                     if near:
                         following[num_following] = neighbour
@@ -88,6 +94,7 @@ def propagate(costs: Bytes, width: int, origin: int, target: int, potential: Sin
             num_current, num_overflow = num_overflow, 0
         if potential[target] < UNREACHED:
             break
+    extent[0], extent[1] = lowest - width, highest + width + 1
     return rounds
 
 
@@ -137,34 +144,40 @@ def _gradient(potential: Singles, width: int, cell: int) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def _lowest_neighbour(costs: Bytes, potential: Singles, width: int, cell: int) -> int:
+def _lowest_neighbour(levels: Bytes, toll: Bytes, potential: Singles, width: int, cell: int) -> int:
     """Return the cell of lowest potential among the eight around `cell`, no corner cut; `cell` where none is lower."""
     best, lowest = cell, potential[cell]
     for dy in range(-1, 2):
         for dx in range(-1, 2):
             neighbour = cell + dy * width + dx
-            if potential[neighbour] >= lowest or costs[neighbour] >= OBSTACLE:
+            if potential[neighbour] >= lowest or toll[levels[neighbour]] >= OBSTACLE:
                 continue
-            if dx != 0 and dy != 0 and (costs[cell + dx] >= OBSTACLE or costs[cell + dy * width] >= OBSTACLE):
+            if (
+                dx != 0
+                and dy != 0
+                and (toll[levels[cell + dx]] >= OBSTACLE or toll[levels[cell + dy * width]] >= OBSTACLE)
+            ):
                 continue
             best, lowest = neighbour, potential[neighbour]
     return best
 
 
 @njit(cache=True)
-def _clear(costs: Bytes, width: int, x0: float, y0: float, x1: float, y1: float) -> bool:
+def _clear(levels: Bytes, toll: Bytes, width: int, x0: float, y0: float, x1: float, y1: float) -> bool:
     """Return whether a step shorter than a cell stays on free cells, the two beside a crossed corner included."""
     c0, r0 = int(np.floor(x0 + 0.5)), int(np.floor(y0 + 0.5))
     c1, r1 = int(np.floor(x1 + 0.5)), int(np.floor(y1 + 0.5))
-    if costs[r1 * width + c1] >= OBSTACLE:
+    if toll[levels[r1 * width + c1]] >= OBSTACLE:
         return False
     if c0 != c1 and r0 != r1:
-        return costs[r0 * width + c1] < OBSTACLE and costs[r1 * width + c0] < OBSTACLE
+        return toll[levels[r0 * width + c1]] < OBSTACLE and toll[levels[r1 * width + c0]] < OBSTACLE
     return True
 
 
 @njit(cache=True)
-def descend(costs: Bytes, potential: Singles, width: int, target: int, origin: int, step: float, out: Floats) -> int:
+def descend(
+    levels: Bytes, toll: Bytes, potential: Singles, width: int, target: int, origin: int, step: float, out: Floats
+) -> int:
     """Write the way from cell `target` down to `origin` as x, y in cells to `out` (M, 2); return its length or -1.
 
     Where the gradient is flat, at the edge of what the wave reached, would leave the free cells, or does not lead
@@ -181,7 +194,9 @@ def descend(costs: Bytes, potential: Singles, width: int, target: int, origin: i
         if count == len(out):
             return -1
         close = potential[nearest] < NEUTRAL
-        if nearest == origin or (close and _clear(costs, width, x, y, float(origin % width), float(origin // width))):
+        if nearest == origin or (
+            close and _clear(levels, toll, width, x, y, float(origin % width), float(origin // width))
+        ):
             if count + 2 > len(out):
                 return -1
             out[count, 0], out[count, 1] = x, y
@@ -197,9 +212,9 @@ def descend(costs: Bytes, potential: Singles, width: int, target: int, origin: i
                         smooth = False
         moved = False
         if smooth:
-            moved, cell, dx, dy = _slide(costs, potential, width, cell, dx, dy, step)
+            moved, cell, dx, dy = _slide(levels, toll, potential, width, cell, dx, dy, step)
         if not moved:
-            lower = _lowest_neighbour(costs, potential, width, nearest)
+            lower = _lowest_neighbour(levels, toll, potential, width, nearest)
             if lower == nearest:
                 return -1
             # Corners are never cut there, so the straight line to its centre stays on free cells.
@@ -213,7 +228,7 @@ def descend(costs: Bytes, potential: Singles, width: int, target: int, origin: i
 
 @njit(cache=True)
 def _slide(
-    costs: Bytes, potential: Singles, width: int, cell: int, dx: float, dy: float, step: float
+    levels: Bytes, toll: Bytes, potential: Singles, width: int, cell: int, dx: float, dy: float, step: float
 ) -> tuple[bool, int, float, float]:
     """Return whether one step down the bilinear gradient is possible, and the cell and offsets after it."""
     gx0, gy0 = _gradient(potential, width, cell)
@@ -227,7 +242,7 @@ def _slide(
         return False, cell, dx, dy
     x, y = cell % width + dx, cell // width + dy
     new_x, new_y = x + gx * step / norm, y + gy * step / norm
-    if not _clear(costs, width, x, y, new_x, new_y):
+    if not _clear(levels, toll, width, x, y, new_x, new_y):
         return False, cell, dx, dy
     dx += gx * step / norm
     dy += gy * step / norm

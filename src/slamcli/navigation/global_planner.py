@@ -116,9 +116,9 @@ class GlobalPlanner:
 
     def prepare_for_many(self) -> None:
         """Do now what makes many queries faster; a single one is not worth it."""
-        search = self._finder(bool(self.parameters.allow_unknown)).search
-        if isinstance(search, GridSearch):
-            search.prepare()
+        finder = self._finder(bool(self.parameters.allow_unknown))
+        if isinstance(finder.search, GridSearch):
+            finder.search.prepare(finder.space.regions)
 
     def _plan(self, start: Sequence[float], goal: Sequence[float], *, allow_unknown: bool) -> PlannedPath:
         finder = self._finder(allow_unknown)

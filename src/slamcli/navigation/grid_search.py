@@ -8,9 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import PlanningError
 from slamcli.navigation import _search_kernels as kernels
-from slamcli.navigation.search_space import Cell, SearchSpace, sample_space
+from slamcli.navigation.search_space import Cell, SearchGrid, UnreachableError, sample_space
 
 _BUCKET = 0.25
 _MAX_BUCKETS = 1 << 20
@@ -22,7 +21,7 @@ class GridSearch:
     """Finds cheapest paths on one search space; keeps its work space from query to query.
 
     Steps go to the eight neighbours, sqrt(2) long on diagonals, which need both cells beside them (no corner cutting).
-    An edge costs its length times the mean weight of its two cells, with weights from `SearchSpace`. A* is guided by the
+    An edge costs its length times the mean weight of its two cells, with weights from `SearchGrid`. A* is guided by the
     octile distance, which never overestimates because no weight is below 1, and after `prepare` by landmarks: both find
     the same cost.
 
@@ -32,7 +31,7 @@ class GridSearch:
     Goldberg, Harrelson: Computing the Shortest Path: A* Search Meets Graph Theory, 2005 (landmarks).
     """
 
-    def __init__(self, space: SearchSpace, *, guided: bool) -> None:
+    def __init__(self, space: SearchGrid, *, guided: bool) -> None:
         self._space = space
         self._guided = guided
         size = space.levels.size
@@ -48,18 +47,19 @@ class GridSearch:
 
         self._landmarks = np.empty((size, 0), dtype=np.float64)
 
-    def prepare(self) -> None:
+    def prepare(self, regions: NDArray[np.int32]) -> None:
         """Spend the time of about sixteen full searches to make A* faster from now on (worth it for many queries).
 
         Landmarks are cells far from each other in the largest region; the costs from them to all cells bound the cost
-        between any two from below, much closer than the octile distance does in mazes and buildings.
+        between any two from below, much closer than the octile distance does in mazes and buildings. `regions` are those
+        of the search space; its levels must not change afterwards.
         """
         space = self._space
-        counts = np.bincount(space.regions.ravel())
+        counts = np.bincount(regions.ravel())
         if not self._guided or self._landmarks.shape[1] or self._g.size > _MAX_LANDMARK_CELLS or len(counts) < 2:
             return
         region = int(np.argmax(counts[1:])) + 1
-        at = space.flat(tuple(np.argwhere(space.regions == region)[0].tolist()))
+        at = space.flat(tuple(np.argwhere(regions == region)[0].tolist()))
         landmarks = np.zeros((self._g.size, _NUM_LANDMARKS), dtype=np.float64)
         # The first search only finds a cell on the rim to begin from.
         at = int(np.argmax(self._costs_from(at)))
@@ -82,16 +82,20 @@ class GridSearch:
 
         Raises
         ------
-        PlanningError
+        UnreachableError
             If they do not hang together.
         """
         space = self._space
         source, target = space.flat(start), space.flat(goal)
         cost = self._run(source, target, guided=self._guided)
         if not math.isfinite(cost):
-            raise PlanningError(f"no path from cell {start} to cell {goal}")
+            raise UnreachableError(f"no path from cell {start} to cell {goal}")
         path = kernels.trace(self._parent, source, target, space.stride)
         return space.cells(path).astype(np.float64), float(cost)
+
+    def reached(self, cell: Cell) -> bool:
+        """Whether the last search came to a cell."""
+        return bool(self._state[self._space.flat(cell)] >= 2 * self._generation)
 
     def _run(self, source: int, target: int, *, guided: bool) -> float:
         space = self._space
@@ -116,6 +120,7 @@ class GridSearch:
 
 def warm() -> None:
     """Compile the kernels of this module."""
-    search = GridSearch(sample_space(), guided=True)
-    search.prepare()
+    space = sample_space()
+    search = GridSearch(space, guided=True)
+    search.prepare(space.regions)
     search.find((0, 0), (3, 3))

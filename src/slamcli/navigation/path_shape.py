@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.navigation import _path_kernels as kernels
-from slamcli.navigation.search_space import SearchSpace, sample_space
+from slamcli.navigation.search_space import SearchGrid, sample_space
 
 _SHARP_TURN_RAD = 0.35
 _COINCIDENT_CELLS = 1e-6
 
 
-def line_integral(space: SearchSpace, path_rc: NDArray[np.float64]) -> float:
+def line_integral(space: SearchGrid, path_rc: NDArray[np.float64]) -> float:
     """Return the weighted length of a path (N, 2), row and column, in cells; inf if it touches a blocked cell."""
     return float(
         kernels.path_cost(
@@ -22,7 +22,7 @@ def line_integral(space: SearchSpace, path_rc: NDArray[np.float64]) -> float:
     )
 
 
-def simplify(space: SearchSpace, path_rc: NDArray[np.float64]) -> NDArray[np.float64]:
+def simplify(space: SearchGrid, path_rc: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the path with stretches replaced by straight lines where these are free and cost no more."""
     keep = np.ones(len(path_rc), dtype=np.bool_)
     if len(path_rc) > 2:

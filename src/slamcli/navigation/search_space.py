@@ -9,42 +9,41 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from slamcli.errors import PlanningError
 from slamcli.grids import OccupancyGrid
 from slamcli.grids.distance import nearest_cell
-from slamcli.navigation.costmap import INSCRIBED, NO_INFORMATION, Costmap, compute_costmap
+from slamcli.navigation.costmap import INSCRIBED, LETHAL, NO_INFORMATION, Costmap, compute_costmap
 from slamcli.navigation.costmap_parameters import CostmapParameters
 from slamcli.navigation.planner_parameters import PlannerParameters
 
 Cell = tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SearchSpace:
-    """Cells with a border of one blocked cell all around; positions in it are those of the grid plus one."""
+class UnreachableError(PlanningError):
+    """Two free cells do not hang together."""
 
-    costmap: Costmap
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchGrid:
+    """What searches read: costs with a border of one blocked cell all around; positions in it are those of the grid plus one."""
+
     parameters: PlannerParameters
     levels: NDArray[np.uint8]
-    """uint8 (H + 2, W + 2): costmap values, 254 on the border."""
+    """uint8 (H + 2, W + 2), C-contiguous: costmap values, 254 on the border. A live planner changes them between queries."""
     blocked: NDArray[np.bool_]
     """bool (256,): which costmap values a path must not touch."""
     weight: NDArray[np.float64]
     """float64 (256,): cost of a unit of length by costmap value, 1 on free cells."""
-    regions: NDArray[np.int32]
-    """int32 (H, W): 0 on blocked cells, else a number that cells share if a path joins them."""
 
     @classmethod
-    def build(cls, costmap: Costmap, parameters: PlannerParameters, *, allow_unknown: bool = True) -> SearchSpace:
-        """Prepare a costmap for any number of searches."""
-        value = np.arange(256, dtype=np.float64)
-        weight = (parameters.neutral_cost + parameters.cost_factor * value) / parameters.neutral_cost
-        weight[NO_INFORMATION] = weight[INSCRIBED]
-        blocked = value >= INSCRIBED
-        blocked[NO_INFORMATION] = not allow_unknown
-        levels = np.pad(costmap.costs, 1, constant_values=INSCRIBED + 1)
-        # A diagonal step needs both cells beside it, so what hangs together does so by its sides.
-        regions, _ = ndimage.label(~blocked[costmap.costs], output=np.int32)
-        return cls(costmap, parameters, levels, blocked, weight, regions)
+    def over(cls, levels: NDArray[np.uint8], parameters: PlannerParameters, *, allow_unknown: bool) -> SearchGrid:
+        """Return the grid over bordered costs."""
+        return cls(
+            parameters=parameters,
+            levels=levels,
+            blocked=_blocked(allow_unknown=allow_unknown),
+            weight=_weight(parameters),
+        )
 
     @property
     def stride(self) -> int:
@@ -59,9 +58,46 @@ class SearchSpace:
         """Return row and column (N, 2) on the grid of flat positions (N,)."""
         return np.column_stack([flat // self.stride - 1, flat % self.stride - 1])
 
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchSpace(SearchGrid):
+    """The search grid of a costmap that does not change, with the regions that hang together."""
+
+    costmap: Costmap
+    regions: NDArray[np.int32]
+    """int32 (H, W): 0 on blocked cells, else a number that cells share if a path joins them."""
+
+    @classmethod
+    def build(cls, costmap: Costmap, parameters: PlannerParameters, *, allow_unknown: bool = True) -> SearchSpace:
+        """Prepare a costmap for any number of searches."""
+        blocked = _blocked(allow_unknown=allow_unknown)
+        # A diagonal step needs both cells beside it, so what hangs together does so by its sides.
+        regions, _ = ndimage.label(~blocked[costmap.costs], output=np.int32)
+        return cls(
+            parameters=parameters,
+            levels=np.pad(costmap.costs, 1, constant_values=LETHAL),
+            blocked=blocked,
+            weight=_weight(parameters),
+            costmap=costmap,
+            regions=regions,
+        )
+
     def nearest_free(self, point_rc: tuple[float, float], region: int | None = None) -> Cell | None:
         """Return the nearest cell that a path may use, of one region or of any; None if there is none."""
         return nearest_cell(self.regions > 0 if region is None else self.regions == region, point_rc)
+
+
+def _weight(parameters: PlannerParameters) -> NDArray[np.float64]:
+    value = np.arange(256, dtype=np.float64)
+    weight = (parameters.neutral_cost + parameters.cost_factor * value) / parameters.neutral_cost
+    weight[NO_INFORMATION] = weight[INSCRIBED]
+    return weight
+
+
+def _blocked(*, allow_unknown: bool) -> NDArray[np.bool_]:
+    blocked = np.arange(256) >= INSCRIBED
+    blocked[NO_INFORMATION] = not allow_unknown
+    return blocked
 
 
 def sample_space() -> SearchSpace:

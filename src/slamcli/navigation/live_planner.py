@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: MIT
+"""Global planning on a costmap that changes while the robot drives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import PlanningError
+from slamcli.navigation import live_endpoints as ends
+from slamcli.navigation.cost_window import CostWindow
+from slamcli.navigation.costmap import LETHAL, NO_INFORMATION
+from slamcli.navigation.endpoints import NoPathError
+from slamcli.navigation.grid_search import GridSearch
+from slamcli.navigation.navfn import NavFn
+from slamcli.navigation.path_shape import anchored, distinct, headings, line_integral, simplify
+from slamcli.navigation.planner_parameters import PlannerParameters
+from slamcli.navigation.search_space import SearchGrid, UnreachableError
+
+LiveMethod = Literal["navfn", "dijkstra", "astar"]
+LIVE_METHODS: tuple[LiveMethod, ...] = ("navfn", "dijkstra", "astar")
+_Candidates = Callable[[SearchGrid], Iterator[ends.LiveEndpoint]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LivePath:
+    """A path in the frame of the costmap it was planned on."""
+
+    points_m: NDArray[np.float64]
+    """float64 (N, 2), x and y in metres, from the start to the goal, N >= 2."""
+    yaws_rad: NDArray[np.float64]
+    """float64 (N,)."""
+    length_m: float
+    cost: float
+    """What the planner minimised, in metres of free cells that would cost as much."""
+    goal_offset_m: float
+    """Distance of the path's end from the goal that was asked for (default_tolerance, make_plan)."""
+    through_unknown: bool
+    """Whether unknown cells were allowed (with allow_unknown auto: no way through known cells exists)."""
+    method: LiveMethod
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """float64 (N, 3): x, y, yaw, as local planners take them."""
+        return np.column_stack([self.points_m, self.yaws_rad])
+
+
+class LivePlanner:
+    """Plans on one costmap again and again.
+
+    Nothing is prepared for the whole map: of each window one copy with a border is made, and a search costs what it
+    touches until the goal is reached. Work arrays are kept as long as the window's shape stays.
+
+    Parameters
+    ----------
+    parameters
+        How to plan.
+    method
+        navfn, dijkstra or astar.
+    """
+
+    def __init__(self, parameters: PlannerParameters | None = None, method: LiveMethod = "navfn") -> None:
+        if method not in LIVE_METHODS:
+            raise PlanningError(f"no planner {method!r}: choose one of {', '.join(LIVE_METHODS)}")
+        self.parameters = parameters or PlannerParameters()
+        self.method = method
+        self._levels = np.empty((0, 0), dtype=np.uint8)
+        self._searches: dict[bool, tuple[SearchGrid, NavFn | GridSearch]] = {}
+
+    def plan(self, window: CostWindow, start: Sequence[float], goal: Sequence[float]) -> LivePath:
+        """Return the path from `start` to `goal`, each x, y, yaw in the window's frame.
+
+        The start's own cell counts as free whatever the costmap says (navfn's ``clearRobotCell``), and where it lies
+        among cells that are too near to an obstacle, so does the shortest way out of them (see
+        `slamcli.navigation.live_endpoints.free_start`).
+
+        Raises
+        ------
+        NoPathError
+            If an endpoint is outside the window or blocked, or no way joins them.
+        """
+        self._load(window)
+        tolerance = self.parameters.default_tolerance
+
+        def candidates(grid: SearchGrid) -> Iterator[ends.LiveEndpoint]:
+            return ends.goal_candidates(grid, window, goal, tolerance)
+
+        return self._plan(window, start, goal, candidates)
+
+    def make_plan(
+        self,
+        window: CostWindow,
+        start: Sequence[float],
+        goal: Sequence[float],
+        *,
+        tolerance_m: float,
+        add_unreachable_goal: bool = True,
+    ) -> LivePath:
+        """Return a path to the goal, or to the first reachable point around it that move_base's service would find.
+
+        Points lie on squares around the goal that grow by three cells up to `tolerance_m`. With `add_unreachable_goal`
+        (``make_plan_add_unreachable_goal``) the goal itself is the path's last point all the same.
+
+        Raises
+        ------
+        NoPathError
+            If neither the goal nor a point around it can be reached; it is about the goal itself.
+        """
+        try:
+            return self.plan(window, start, goal)
+        except NoPathError as failure:
+            if failure.status.startswith("start") or tolerance_m <= 0.0:
+                raise
+
+            def candidates(grid: SearchGrid) -> Iterator[ends.LiveEndpoint]:
+                return ends.surrounding_candidates(grid, window, goal, tolerance_m)
+
+            try:
+                path = self._plan(window, start, goal, candidates)
+            except NoPathError:
+                raise failure from None
+            return _prolonged(path, goal) if add_unreachable_goal else path
+
+    def _load(self, window: CostWindow) -> None:
+        height, width = window.costs.shape
+        if self._levels.shape != (height + 2, width + 2):
+            self._levels = np.full((height + 2, width + 2), LETHAL, dtype=np.uint8)
+            self._searches = {}
+        self._levels[1:-1, 1:-1] = window.costs
+
+    def _search(self, allow_unknown: bool) -> tuple[SearchGrid, NavFn | GridSearch]:
+        if allow_unknown not in self._searches:
+            grid = SearchGrid.over(self._levels, self.parameters, allow_unknown=allow_unknown)
+            search = NavFn(grid) if self.method == "navfn" else GridSearch(grid, guided=self.method == "astar")
+            self._searches[allow_unknown] = grid, search
+        return self._searches[allow_unknown]
+
+    def _plan(
+        self, window: CostWindow, start: Sequence[float], goal: Sequence[float], candidates: _Candidates
+    ) -> LivePath:
+        """Return the path to the first candidate that can be reached; unknown cells only as `allow_unknown` says."""
+        allow = self.parameters.allow_unknown
+        if allow is not None:
+            return self._plan_over(window, start, goal, candidates, allow_unknown=allow)
+        try:
+            return self._plan_over(window, start, goal, candidates, allow_unknown=False)
+        except NoPathError as known:
+            if known.status.endswith("_outside") or not (window.costs == NO_INFORMATION).any():
+                raise
+            try:
+                return self._plan_over(window, start, goal, candidates, allow_unknown=True)
+            except NoPathError as any_way:
+                raise (known if known.status == any_way.status else any_way) from None
+
+    def _plan_over(
+        self,
+        window: CostWindow,
+        start: Sequence[float],
+        goal: Sequence[float],
+        candidates: _Candidates,
+        *,
+        allow_unknown: bool,
+    ) -> LivePath:
+        grid, search = self._search(allow_unknown)
+        source = ends.locate(window, start, "start")
+        way_out = ends.free_start(grid, window, source.cell)
+        if way_out is None:
+            raise ends.start_blocked(window, start, source.cell)
+        try:
+            flooded = False
+            for target in candidates(grid):
+                # A search that failed has been everywhere: the others need not be tried.
+                if flooded and not search.reached(target.cell):
+                    continue
+                try:
+                    found = search.find(source.cell, target.cell)
+                except UnreachableError:
+                    flooded = True
+                    continue
+                return self._describe(grid, window, found, (source, target), start, goal, allow_unknown)
+            raise ends.goal_failure(grid, window, start, goal)
+        finally:
+            for cell, value in way_out:
+                self._levels[cell[0] + 1, cell[1] + 1] = value
+
+    def _describe(
+        self,
+        grid: SearchGrid,
+        window: CostWindow,
+        found: tuple[NDArray[np.float64], float],
+        endpoints: tuple[ends.LiveEndpoint, ends.LiveEndpoint],
+        start: Sequence[float],
+        goal: Sequence[float],
+        through_unknown: bool,
+    ) -> LivePath:
+        cells, cost = found
+        source, target = endpoints
+        if self.method == "navfn":
+            path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
+        else:
+            path = anchored(cells, source.point_rc, target.point_rc)
+        path = distinct(path)
+        if self.parameters.simplify:
+            path = simplify(grid, path)
+        if not math.isfinite(line_integral(grid, path)):
+            raise PlanningError(f"the {self.method} path to {ends.show(goal)} touches an obstacle: please report this")
+        points = (path[:, ::-1] + 0.5) * window.resolution_m + np.array(window.origin_m)
+        points[0], points[-1] = source.point_m, target.point_m
+        yaws = headings(
+            points,
+            self.parameters.orientation,
+            self.parameters.orientation_window_size,
+            float(start[2]) if len(start) > 2 else None,
+            float(goal[2]) if len(goal) > 2 else None,
+        )
+        return LivePath(
+            points_m=points,
+            yaws_rad=yaws,
+            length_m=_length(points),
+            cost=cost * window.resolution_m,
+            goal_offset_m=math.dist(points[-1], goal[:2]),
+            through_unknown=through_unknown,
+            method=self.method,
+        )
+
+
+def _prolonged(path: LivePath, goal: Sequence[float]) -> LivePath:
+    """Return the path with the goal as its last point."""
+    points = np.vstack([path.points_m, [goal[:2]]])
+    yaw = goal[2] if len(goal) > 2 else path.yaws_rad[-1]
+    return replace(
+        path, points_m=points, yaws_rad=np.append(path.yaws_rad, yaw), length_m=_length(points), goal_offset_m=0.0
+    )
+
+
+def _length(points: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
