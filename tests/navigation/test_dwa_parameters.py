@@ -28,7 +28,7 @@ def test_names_from_before_1_16_are_taken() -> None:
     )
     assert (parameters.max_vel_trans, parameters.min_vel_theta) == (0.4, 0.2)
     assert (parameters.theta_stopped_vel, parameters.trans_stopped_vel) == (0.05, 0.03)
-    with pytest.raises(ConfigError, match="max_vel_trans=0.5 contradicts max_vel_trans=0.4"):
+    with pytest.raises(ConfigError, match=r"max_vel_trans=0\.5 contradicts max_vel_trans=0\.4"):
         read_dwa({"max_trans_vel": 0.4, "max_vel_trans": 0.5})
 
 
