@@ -31,6 +31,8 @@ from slamcli.recordings.adapters import (
     DecodeContext,
     StampedGrid,
     StampedPath,
+    StampedPoses,
+    StampedText,
     encoder_for,
     landmark_list,
     message_factory,
@@ -220,6 +222,17 @@ MEASUREMENTS: list[tuple[str, Any]] = [
         ),
     ),
     (
+        "geometry_msgs/msg/PoseArray",
+        StampedPoses(
+            stamp_ns=STAMP, frame_id="map", positions_m=RNG.normal(size=(4, 3)), quats_xyzw=np.tile(QUAT, (4, 1))
+        ),
+    ),
+    (
+        "geometry_msgs/msg/PoseArray",
+        StampedPoses(stamp_ns=STAMP, frame_id="map", positions_m=np.zeros((0, 3)), quats_xyzw=np.zeros((0, 4))),
+    ),
+    ("std_msgs/msg/String", StampedText(stamp_ns=STAMP, text="aborted: no path – the goal lies in a wall")),
+    (
         "sensor_msgs/msg/NavSatFix",
         GeoFix(
             stamp_ns=STAMP,
@@ -292,6 +305,11 @@ def test_the_first_adapter_of_a_type_writes_it() -> None:
         encoder_for(_scan(), "nav_msgs/msg/Path")
     with pytest.raises(RecordingError, match="cannot write int: it can be written as no message type"):
         encoder_for(3)
+
+
+def test_poses_of_a_wrong_shape_are_refused() -> None:
+    with pytest.raises(DataError, match=r"poses: \(2, 3\) positions, \(1, 4\) orientations"):
+        StampedPoses(stamp_ns=0, frame_id="map", positions_m=np.zeros((2, 3)), quats_xyzw=np.zeros((1, 4)))
 
 
 def _context(topic: str = "/t", **mends: Any) -> DecodeContext:

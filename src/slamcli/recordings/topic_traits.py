@@ -18,7 +18,7 @@ from slamcli.measurements import (
     Odometry,
     PointCloud,
 )
-from slamcli.recordings.adapters import StampedGrid, StampedPath
+from slamcli.recordings.adapters import StampedGrid, StampedPath, StampedPoses, StampedText
 
 
 @singledispatch
@@ -88,3 +88,13 @@ def _(stamped: StampedGrid) -> str:
 @describe.register
 def _(stamped: StampedPath) -> str:
     return f"{len(stamped.path)} poses"
+
+
+@describe.register
+def _(stamped: StampedPoses) -> str:
+    return f"{len(stamped)} poses"
+
+
+@describe.register
+def _(stamped: StampedText) -> str:
+    return stamped.text if len(stamped.text) <= 40 else f"{stamped.text[:39]}…"

@@ -20,8 +20,10 @@ from slamcli.recordings.adapters import (
     odometry,
     path,
     point_cloud2,
+    pose_array,
     pose_stamped,
     pose_with_covariance_stamped,
+    text,
     tf_message,
     transform_stamped,
     twist,
@@ -33,6 +35,8 @@ from slamcli.recordings.adapters.marker_array import Marker, StampedMarkers
 from slamcli.recordings.adapters.messages import MessageFactory, message_factory
 from slamcli.recordings.adapters.occupancy_grid import StampedGrid
 from slamcli.recordings.adapters.path import StampedPath
+from slamcli.recordings.adapters.pose_array import StampedPoses
+from slamcli.recordings.adapters.text import StampedText
 
 # The first adapter that produces a measurement type also writes it, unless another message type is asked for.
 ADAPTERS: tuple[Adapter, ...] = (
@@ -52,6 +56,8 @@ ADAPTERS: tuple[Adapter, ...] = (
     transform_stamped.ADAPTER,
     occupancy_grid.ADAPTER,
     path.ADAPTER,
+    pose_array.ADAPTER,
+    text.ADAPTER,
     nav_sat_fix.ADAPTER,
     landmark_list.ADAPTER,
 )
@@ -97,6 +103,8 @@ __all__ = [
     "StampedGrid",
     "StampedMarkers",
     "StampedPath",
+    "StampedPoses",
+    "StampedText",
     "adapter_for",
     "encoder_for",
     "message_factory",

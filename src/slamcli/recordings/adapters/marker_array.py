@@ -29,6 +29,8 @@ class Marker:
     size_m: float
     """Width of lines, diameter of points, height of letters."""
     text: str = ""
+    lifetime_s: float = 0.0
+    """How long it is shown unless it comes again; 0: for ever."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,11 +54,12 @@ def _marker(marker: Marker, number: int, header: Any, messages: MessageFactory) 
     is_text = marker.shape == "text"
     place = marker.points_m[0] if is_text else np.zeros(3)
     colours = [make("std_msgs/msg/ColorRGBA", *map(float, colour)) for colour in marker.colours]
-    forever = make("builtin_interfaces/msg/Duration", 0, 0)
+    lifetime_ns = round(marker.lifetime_s * 1e9)
+    lifetime = make("builtin_interfaces/msg/Duration", lifetime_ns // 1_000_000_000, lifetime_ns % 1_000_000_000)
     points = [] if is_text else [make("geometry_msgs/msg/Point", *map(float, point)) for point in marker.points_m]
     fields = [
         header, marker.namespace, number, _TYPES[marker.shape], 0, messages.pose(place, np.array([0.0, 0.0, 0.0, 1.0])),
-        messages.vector(np.full(3, marker.size_m)), colours[0], forever, False, points, colours if len(colours) > 1 else [],
+        messages.vector(np.full(3, marker.size_m)), colours[0], lifetime, False, points, colours if len(colours) > 1 else [],
     ]  # fmt: skip
     if messages.ros1:
         return make("visualization_msgs/msg/Marker", *fields, marker.text, "", False)
