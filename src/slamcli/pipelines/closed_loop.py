@@ -18,7 +18,8 @@ from slamcli.navigation.robot_state import RobotState
 from slamcli.navigation.scan_observation import observe_scan
 from slamcli.pipelines.localisers import Localiser
 from slamcli.pipelines.loop_listener import LoopListener
-from slamcli.simulation.plant import Collision, Plant
+from slamcli.simulation.contact import Contact
+from slamcli.simulation.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -60,7 +61,7 @@ class Drive:
     """Way that the robot truly drove."""
     clearance_m: float
     """Least distance that its body truly had to anything."""
-    collisions: tuple[Collision, ...]
+    collisions: tuple[Contact, ...]
     recoveries: tuple[str, ...]
     plans: int
     """Number of global plans."""
@@ -174,7 +175,7 @@ class ClosedLoop:
         T_map_laser = se2.compose(self.localiser.T_map_odom, T_odom_laser)
         for costmap, T_frame_laser in ((self.costmaps.local, T_odom_laser), (self.costmaps.world, T_map_laser)):
             for source in costmap.parameters.sources:
-                costmap.observe(observe_scan(scan, T_frame_laser, source, self.time_s, self.plant.laser_height_m))
+                costmap.observe(observe_scan(scan, T_frame_laser, source, self.time_s, self.plant.parameters.laser_z))
 
     def _update_local(self) -> None:
         self.costmaps.local.update(self._pose_odom, self.time_s)
