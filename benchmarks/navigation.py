@@ -16,12 +16,12 @@ import time
 from pathlib import Path
 
 import numpy as np
+from slamcli.navigation.layered_costmap import LayeredCostmap
+from slamcli.navigation.shortest_path import ShortestField
 
 from slamcli.errors import SlamcliError
 from slamcli.formats.maps import read_map
 from slamcli.navigation.costmap import INSCRIBED
-from slamcli.navigation.layered_costmap import LayeredCostmap
-from slamcli.navigation.shortest_path import ShortestField
 from slamcli.pipelines.navigate import Navigator
 from slamcli.pipelines.navigation_config import load_navigation
 
@@ -33,7 +33,9 @@ def find_maps(folder: Path) -> list[Path]:
     return sorted(path for path in folder.rglob("*.yaml"))
 
 
-def draw_pairs(path: Path, count: int, seed: int, sets: tuple[str, ...]) -> list[tuple[list[float], list[float], float]]:
+def draw_pairs(
+    path: Path, count: int, seed: int, sets: tuple[str, ...]
+) -> list[tuple[list[float], list[float], float]]:
     """Return start pose, goal pose and the length of the shortest way (inf: none)."""
     config = load_navigation(sets=sets)
     grid = read_map(path).grid

@@ -123,7 +123,7 @@ class ClosedLoop:
         self._drive = record = _DriveRecord(self)
         end = self._ticks + round(timeout_s / TICK_S)
         while self._ticks < end and self.move_base.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
-            self._tick()
+            self._go_on(end)
         self._drive = None
         drive = record.finished()
         if drive.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
@@ -133,17 +133,19 @@ class ClosedLoop:
 
     def wait(self, seconds: float) -> None:
         """Let time pass."""
-        for _ in range(round(seconds / TICK_S)):
-            self._tick()
+        end = self._ticks + round(seconds / TICK_S)
+        while self._ticks < end:
+            self._go_on(end)
 
-    def _tick(self) -> None:
-        now = self._ticks * TICK_S
+    def _go_on(self, end: int) -> None:
+        """Do what is due now, and let time pass until something else is, or until the tick `end`."""
         for rhythm in self._rhythms:
-            if now >= rhythm.next_s - 1e-9:
-                rhythm.next_s += rhythm.period_s
+            if rhythm.due <= self._ticks:
                 rhythm.act()
-        self.plant.advance(TICK_S)
-        self._ticks += 1
+                rhythm.advance()
+        following = int(min(min(rhythm.due for rhythm in self._rhythms), end))
+        self.plant.advance((following - self._ticks) * TICK_S)
+        self._ticks = following
 
     def _odometry(self) -> None:
         plant = self.plant
@@ -211,9 +213,16 @@ class _Rhythm:
     """Something that happens every so often, for the first time at once; never with rate 0."""
 
     def __init__(self, rate_hz: float, act: Callable[[], None]) -> None:
-        self.period_s = 1.0 / rate_hz if rate_hz > 0.0 else math.inf
-        self.next_s = 0.0 if rate_hz > 0.0 else math.inf
+        self._period = 1.0 / (rate_hz * TICK_S) if rate_hz > 0.0 else math.inf
+        self._count = 0
+        self.due: float = 0 if rate_hz > 0.0 else math.inf
+        """The tick at which it happens next."""
         self.act = act
+
+    def advance(self) -> None:
+        """Note that it has happened."""
+        self._count += 1
+        self.due = max(round(self._count * self._period), int(self.due) + 1)
 
 
 class _DriveRecord:

@@ -9,7 +9,6 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +31,7 @@ from slamcli.pipelines.generate import open_world
 from slamcli.pipelines.localisers import AmclLocaliser, Localiser, TrueLocaliser
 from slamcli.pipelines.loop_listener import LoopListener
 from slamcli.pipelines.navigation_config import NavigationConfig, load_navigation
-from slamcli.simulation import World, resolve_settings
+from slamcli.simulation import resolve_settings
 from slamcli.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -204,7 +203,11 @@ class Navigator:
             timeout_s = 90.0 + 4.0 * known.length_m / max(self.config.local_parameters.max_vel_x, 0.05)
         drive = self.loop.drive_to(np.array([x, y, heading]), timeout_s)
         status = _STATUS.get(drive.phase, "timeout")
-        message = drive.message if status != "timeout" else f"not there after {timeout_s:g} s: {drive.message or 'on the way'}"
+        message = (
+            drive.message
+            if status != "timeout"
+            else f"not there after {timeout_s:g} s: {drive.message or 'on the way'}"
+        )
         return Arrival(goal=(x, y, heading), status=status, message=message, optimum_m=optimum, drive=drive)
 
     def wait(self, seconds: float) -> None:
