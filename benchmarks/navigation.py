@@ -16,12 +16,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from slamcli.navigation.layered_costmap import LayeredCostmap
-from slamcli.navigation.shortest_path import ShortestField
 
 from slamcli.errors import SlamcliError
 from slamcli.formats.maps import read_map
 from slamcli.navigation.costmap import INSCRIBED
+from slamcli.navigation.layered_costmap import LayeredCostmap
+from slamcli.navigation.shortest_path import ShortestField
 from slamcli.pipelines.navigate import Navigator
 from slamcli.pipelines.navigation_config import load_navigation
 

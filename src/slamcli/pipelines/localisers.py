@@ -21,8 +21,9 @@ _NO_PARTICLES: Array = np.zeros((0, 3))
 class Localiser(Protocol):
     """Takes what the robot measured, in the order of time, and knows the correction of odometry."""
 
-    T_map_odom: Array
-    """float64 (3,)."""
+    @property
+    def T_map_odom(self) -> Array:  # noqa: N802 - frames as everywhere
+        """float64 (3,)."""
 
     def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:
         """Take what the wheels told; `true_pose` (3,) is for those that may look at it."""

@@ -12,7 +12,6 @@ from slamcli.errors import ConfigError
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.native import Setting, read_launch, read_ros_yaml
 from slamcli.native.settings import find_native
-from slamcli.navigation.costmap_files import read_costmaps
 from slamcli.navigation.layered_parameters import LayeredParameters
 from slamcli.navigation.local_planners import LOCAL_PLANNERS, LocalPlannerKind, find_local_planner
 from slamcli.navigation.move_base_parameters import MoveBaseParameters, RecoveryParameters
@@ -145,7 +144,7 @@ class _Collected:
             "simulation": _table(SimulationParameters),
             **{kind: _table(planner.parameters) for kind, planner in LOCAL_PLANNERS.items()},
         }
-        self._sections = {planner.section: kind for kind, planner in LOCAL_PLANNERS.items()}
+        self._sections: dict[str, LocalPlannerKind] = {p.section: kind for kind, p in LOCAL_PLANNERS.items()}
         self._ignored: dict[str, list[str]] = {}
 
     def take(self, setting: Setting, *, anywhere: bool = False) -> None:
@@ -182,7 +181,8 @@ class _Collected:
 
     def build(self, local_planner: str | None, files: tuple[Path, ...]) -> NavigationConfig:
         """Return the parameters, checked."""
-        global_costmap, local_costmap = read_costmaps(self._costmaps)
+        values: dict[str, Any] = {"robot_radius": 0.18, "inflation_radius": 0.5, "cost_scaling_factor": 10.0}
+        global_costmap, local_costmap = (LayeredParameters.standard(n, **values) for n in ("global", "local"))
         move_base = resolve(MoveBaseParameters, self._values.get("move_base", {}))
         kind = find_local_planner(local_planner or move_base.base_local_planner)
         for why, names in self._ignored.items():
@@ -223,7 +223,7 @@ class _Collected:
         return found[0] if found else None
 
     def _title(self, section: str) -> str:
-        return LOCAL_PLANNERS[section].section if section in LOCAL_PLANNERS else section
+        return next((p.section for kind, p in LOCAL_PLANNERS.items() if kind == section), section)
 
     def _take_trajectory(self, name: str, setting: Setting) -> None:
         if name in _OF_TRAJECTORY_PLANNER:
