@@ -13,24 +13,48 @@ import json
 import multiprocessing
 import statistics
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from scipy import ndimage
 
 from slamcli.errors import SlamcliError
 from slamcli.formats.maps import read_map
+from slamcli.grids import OccupancyGrid
 from slamcli.navigation.costmap import INSCRIBED
 from slamcli.navigation.layered_costmap import LayeredCostmap
 from slamcli.navigation.shortest_path import ShortestField
+from slamcli.pipelines.generate import open_world
 from slamcli.pipelines.navigate import Navigator
 from slamcli.pipelines.navigation_config import load_navigation
+from slamcli.simulation.world import OCCUPIED_FROM
 
+_FINER = 4
 FREE_AT_LEAST = 20  # cells: a map on which the robot fits nowhere else has no pairs to draw
 
 
 def find_maps(folder: Path) -> list[Path]:
     """Return the maps that can be read and have room for the robot."""
     return sorted(path for path in folder.rglob("*.yaml"))
+
+
+def body_room(path: Path) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function of points (N, 2): distance to the nearest wall or unknown cell, metres, 0 outside."""
+    grid = open_world(str(path)).grid
+    fine = np.repeat(np.repeat(grid.cells, _FINER, axis=0), _FINER, axis=1)
+    finer = OccupancyGrid(fine, grid.resolution_m / _FINER, grid.origin)
+    walls = np.pad((fine >= OCCUPIED_FROM) | (fine < 0), 1, constant_values=True)
+    distance = (ndimage.distance_transform_edt(~walls)[1:-1, 1:-1] - 1.0) * finer.resolution_m
+
+    def room(points: np.ndarray) -> np.ndarray:
+        cells = finer.map_to_cell(points)
+        inside = finer.contains(cells)
+        found = np.zeros(len(points))
+        found[inside] = distance[cells[inside, 0], cells[inside, 1]]
+        return found
+
+    return room
 
 
 def draw_pairs(
@@ -40,16 +64,18 @@ def draw_pairs(
     config = load_navigation(sets=sets)
     grid = read_map(path).grid
     window = LayeredCostmap(config.global_costmap, name="global", static=grid).window()
-    cells = np.argwhere(window.costs < INSCRIBED)
-    if len(cells) < FREE_AT_LEAST:
+    room = body_room(path)
+    rows, columns = np.nonzero(window.costs < INSCRIBED)
+    points = np.column_stack([columns, rows]) * window.resolution_m + window.resolution_m / 2 + window.origin_m
+    points = points[room(points) > window.inscribed_radius_m]
+    if len(points) < FREE_AT_LEAST:
         return []
     rng = np.random.default_rng([seed, 20261122])
     pairs = []
     for _ in range(count):
-        ends = cells[rng.integers(0, len(cells), 2)]
-        points = grid.cell_to_map(ends)
+        ends = points[rng.integers(0, len(points), 2)]
         yaws = rng.uniform(-np.pi, np.pi, 2)
-        start, goal = ([*points[i].tolist(), float(yaws[i])] for i in (0, 1))
+        start, goal = ([*ends[i].tolist(), float(yaws[i])] for i in (0, 1))
         pairs.append((start, goal, ShortestField(window, start, goal).length(goal)))
     return pairs
 
