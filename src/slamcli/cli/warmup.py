@@ -37,6 +37,7 @@ ROOMS = (
     "navigation.obstacle_layer",
     "navigation.path_shape",
     "navigation.shortest_path",
+    "navigation.theta_star",
     "orbslam3.essential_graph",
     "orbslam3.sparse_map",
     "posegraph.drift",
