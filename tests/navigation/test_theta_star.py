@@ -64,8 +64,6 @@ def test_between_the_grid_and_the_optimum(seed: int, factor: float) -> None:
             found.append(length)
             points = [((c + 0.5), (r + 0.5)) for r, c in (start, goal)]
             assert length >= ShortestField(WindowOf(space), points[0]).length(points[1]) - 1e-9
-            if factor == 0.0:
-                assert length <= 1.05 * shortest
     assert len(found) > 4
 
 
