@@ -36,6 +36,7 @@ ROOMS = (
     "navigation.navfn",
     "navigation.obstacle_layer",
     "navigation.path_shape",
+    "navigation.voxel_layer",
     "navigation.shortest_path",
     "orbslam3.essential_graph",
     "orbslam3.sparse_map",
