@@ -63,6 +63,8 @@ ROOMS = (
     "simulation.plant",
     "simulation.raycast",
     "simulation.render",
+    "simulation.site",
+    "simulation.social_force",
     "simulation.space",
     "simulation.texture",
     "trajectory.attitude",
