@@ -36,6 +36,7 @@ ROOMS = (
     "navigation.navfn",
     "navigation.obstacle_layer",
     "navigation.path_shape",
+    "navigation.voxel_layer",
     "navigation.shortest_path",
     "navigation.theta_star",
     "orbslam3.essential_graph",
