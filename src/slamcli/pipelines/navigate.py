@@ -21,9 +21,10 @@ from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.costmap import INSCRIBED, LETHAL
 from slamcli.navigation.endpoints import NoPathError
 from slamcli.navigation.layered_costmap import LayeredCostmap
-from slamcli.navigation.live_planner import LiveMethod, LivePath, LivePlanner
+from slamcli.navigation.live_planner import LivePath, LivePlanner
 from slamcli.navigation.local_planners import build_local_planner
 from slamcli.navigation.move_base import MoveBase, Phase
+from slamcli.navigation.planner_methods import Method
 from slamcli.navigation.recovery import build_recoveries
 from slamcli.navigation.shortest_path import shortest_length
 from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Drive, Rates
@@ -110,7 +111,7 @@ class Navigator:
         config: NavigationConfig | None = None,
         world: str | None = None,
         localization: Literal["amcl", "truth"] = "amcl",
-        global_planner: LiveMethod = "navfn",
+        global_planner: Method = "navfn",
         dwa_scaling: Literal["noetic", "kinetic"] = "noetic",
         people: int = 0,
         seed: int = 0,
@@ -247,7 +248,7 @@ class _KnownMap:
 class _MapPlanner:
     """The global planner on the global costmap."""
 
-    def __init__(self, config: NavigationConfig, costmap: LayeredCostmap, method: LiveMethod) -> None:
+    def __init__(self, config: NavigationConfig, costmap: LayeredCostmap, method: Method) -> None:
         self._planner = LivePlanner(config.planner, method)
         self._costmap = costmap
 
