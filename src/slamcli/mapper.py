@@ -73,6 +73,30 @@ class Mapper(Protocol):
         """End the run and return its result; the mapper is of no use afterwards."""
 
 
+class LiveMapper(Mapper, Protocol):
+    """A SLAM system that says after each measurement where the robot is and what the map is, knowing nothing that comes later.
+
+    A scan is placed by the odometry that came before it: give odometry up to a scan's stamp before the scan. `finish` may
+    adjust everything once more, as the tier does with a whole recording.
+    """
+
+    @property
+    def T_map_odom(self) -> NDArray[np.float64]:  # noqa: N802 - frames as everywhere
+        """float64 (3,), x, y, yaw: the correction after the newest scan, ``T_map_base(now) = T_map_odom @ T_odom_base(now)``.
+
+        The identity before the first scan. It jumps where the map is adjusted.
+        """
+
+    def grid(self) -> OccupancyGrid:
+        """Return the map so far; what changed since the last call is drawn, so that it can be asked for once a second.
+
+        Raises
+        ------
+        EstimationError
+            If nothing was seen yet.
+        """
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DatabaseChoice:
     """Where the long-term memory of a tier that keeps one lies while the mapper runs."""
@@ -204,6 +228,19 @@ class Tier(Protocol):
         """Return a mapper."""
 
 
+class LiveTier(Tier, Protocol):
+    """A tier that also maps as it goes."""
+
+    def build_live(self, parameters: Any, setup: Setup) -> LiveMapper:
+        """Return a mapper that answers after each scan; `parameters` are those of the tier's `plan`.
+
+        Raises
+        ------
+        UsageError
+            If the parameters ask for what cannot be done as it goes.
+        """
+
+
 class StateDrawing(NamedTuple):
     """What can be seen in a state."""
 
@@ -254,3 +291,17 @@ def find_resuming_tier(name: str, option: str) -> ResumingTier:
     if not tier.resumes:
         raise UsageError(f"{option}: {name} has no state that can be saved; --algo cartographer has")
     return cast(ResumingTier, tier)
+
+
+def find_live_tier(name: str) -> LiveTier:
+    """Return the tier of that name if it maps as it goes.
+
+    Raises
+    ------
+    UsageError
+        If no such tier is installed, or it needs the whole recording first.
+    """
+    tier = find_tier(name)
+    if not hasattr(tier, "build_live"):
+        raise UsageError(f"--slam {name}: this tier does not map as it goes; gmapping and cartographer do")
+    return cast(LiveTier, tier)

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Any
 
 from slamcli.gmapping.parameters import GmappingParameters
-from slamcli.mapper import InputPlan, Mapper, SensorOffer, Setup
+from slamcli.mapper import InputPlan, LiveMapper, Mapper, SensorOffer, Setup
 from slamcli.runtime import RunLog
 
 
@@ -35,6 +35,12 @@ class GmappingTier:
         from slamcli.gmapping.mapper import GmappingMapper
 
         return GmappingMapper(parameters, setup)
+
+    def build_live(self, parameters: Any, setup: Setup) -> LiveMapper:
+        """Return a mapper that answers after each scan."""
+        from slamcli.gmapping.live import LiveGmapping
+
+        return LiveGmapping(parameters, setup)
 
 
 TIER = GmappingTier()

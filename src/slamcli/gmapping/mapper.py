@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +14,14 @@ from slamcli.geometry import se2
 from slamcli.gmapping.beams import BeamModel
 from slamcli.gmapping.parameters import GmappingParameters
 from slamcli.gmapping.particle_filter import ParticleFilter
-from slamcli.grids import OccupancyGrid
-from slamcli.grids.tiles import TiledMaps
+from slamcli.gmapping.result import final_map, report_fallbacks, step_columns, summary
+from slamcli.gmapping.update_gate import UpdateGate
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import LaserScan, Measurement, Odometry
 from slamcli.registration.laser_odometry import LaserOdometry, tells_sweep
 from slamcli.registration.scan_odometry import ScanStep
 from slamcli.trajectory import Trajectory
-from slamcli.trajectory.bending import between_updates, moved_scans
+from slamcli.trajectory.bending import between_updates
 from slamcli.trajectory.clocks import align_clocks
 from slamcli.trajectory.time_offset import TimeOffset
 from slamcli.trajectory.wheel_odometry import WheelOdometry, smooth_stamps
@@ -73,20 +72,17 @@ class GmappingMapper:
         indices, path = particles.best_path()
         poses = between_updates(motions, indices, path)
         with log.stage("final map"):
-            drawn = (
-                indices
-                if self._parameters.map_scans == "processed"
-                else moved_scans(poses, every=self._parameters.map_scans == "all")
-            )
-            grid = self._final_map(drawn, poses[drawn], laser, motions)
-        trajectory = Trajectory.from_se2(
-            [s.stamp_ns for s in self._scans], poses, self._setup.map_frame, self._setup.base_frame
-        )
-        self._report_fallbacks(particles)
-        summary = self._summary(particles, offset, odometry_steps)
+            grid = final_map(
+                self._parameters, indices, poses,
+                lambda k: laser.beams(k, laser.twist(k, motions[k + 1 : k + 2])), self._setup.map_frame,
+            )  # fmt: skip
+        stamps_ns = [scan.stamp_ns for scan in self._scans]
+        trajectory = Trajectory.from_se2(stamps_ns, poses, self._setup.map_frame, self._setup.base_frame)
+        report_fallbacks(self._parameters, particles, log)
         return MappingResult(
-            trajectory=trajectory, grid=grid, steps=self._columns(particles, odometry_steps), summary=summary
-        )
+            trajectory=trajectory, grid=grid, steps=step_columns(particles, odometry_steps, stamps_ns),
+            summary=summary(particles, offset, odometry_steps, len(stamps_ns)),
+        )  # fmt: skip
 
     def _clocks(self) -> tuple[NDArray[np.int64], WheelOdometry | None]:
         """Return increasing stamps of the scans, and the odometry with increasing stamps.
@@ -161,84 +157,11 @@ class GmappingMapper:
         laser: LaserOdometry,
         motions: NDArray[np.float64],
     ) -> None:
-        p, progress, stamps = self._parameters, self._setup.log.progress, laser.stamps_ns
-        distance, turn, last = 0.0, 0.0, stamps[0]
+        gate, stamps = UpdateGate(self._parameters), laser.stamps_ns
         for k in range(len(stamps)):
             if k:
                 particles.move(motions[k])
-                distance += math.hypot(motions[k, 0], motions[k, 1])
-                turn += abs(motions[k, 2])
-            due = (
-                distance >= p.linearUpdate
-                or turn >= p.angularUpdate
-                or (p.temporalUpdate >= 0 and (stamps[k] - last) / 1e9 > p.temporalUpdate)
-            )
-            if k and not due:
+            if not gate.takes(int(stamps[k]), motions[k]):
                 continue
             particles.update(k, laser.beams(k, laser.twist(k, motions[k + 1 : k + 2])))
-            distance, turn, last = 0.0, 0.0, stamps[k]
-            progress.update((stamps[k] - stamps[0]) / 1e9)
-
-    def _final_map(
-        self,
-        indices: NDArray[np.int64],
-        path: NDArray[np.float64],
-        laser: LaserOdometry,
-        motions: NDArray[np.float64],
-    ) -> OccupancyGrid:
-        """Draw scans from their poses (K, 3) on the best particle's path into an empty map."""
-        p = self._parameters
-        x, y = path[0, :2]
-        final = TiledMaps(1, p.delta, (x - 10.0, y - 10.0, x + 10.0, y + 10.0))
-        for index, pose in zip(indices, path, strict=True):
-            drawn = laser.beams(int(index), laser.twist(int(index), motions[index + 1 : index + 2]))
-            final.add_scan(pose.reshape(1, 3), drawn.start, drawn.ends, drawn.hit)
-        return final.occupancy(0, p.occ_thresh, self._setup.map_frame)
-
-    def _report_fallbacks(self, particles: ParticleFilter) -> None:
-        p, steps = self._parameters, particles.steps[1:]
-        fallbacks = sum(step.fallbacks for step in steps)
-        self._setup.log.counts["matches that fell back on odometry"] += fallbacks
-        most = max((step.num_beams for step in steps), default=0)
-        if steps and p.minimumScore >= most:
-            self._setup.log.warn(
-                f"minimumScore={p.minimumScore:g} cannot be reached: a score is at most the number of matched beams, here {most}; "
-                f"every scan match was thrown away and the map rests on the motion between scans alone. Set minimumScore below {most} (0 to 50 is usual)"
-            )
-        elif fallbacks > 0.2 * sum(len(step.poses) for step in steps):
-            self._setup.log.warn(
-                f"{fallbacks} scan matches stayed below minimumScore={p.minimumScore:g} and fell back on odometry"
-            )
-
-    def _columns(self, particles: ParticleFilter, odometry_steps: list[ScanStep]) -> dict[str, NDArray[Any]]:
-        steps = particles.steps
-        index = np.array([step.index for step in steps], dtype=np.int64)
-        disagreement = (
-            np.array([step.disagreement for step in odometry_steps]) if odometry_steps else np.zeros(len(self._scans))
-        )
-        ends = np.append(index[1:], len(disagreement))
-        return {
-            "stamp_ns": np.array([self._scans[k].stamp_ns for k in index], dtype=np.int64),
-            "scan_index": index,
-            "neff": np.array([step.neff for step in steps]),
-            "best_score": np.array([step.best_score for step in steps]),
-            "log_likelihood": np.array([step.log_likelihood for step in steps]),
-            "resampled": np.array([step.resampled for step in steps], dtype=np.int64),
-            "fallbacks": np.array([step.fallbacks for step in steps], dtype=np.int64),
-            "num_particles": np.array([len(step.poses) for step in steps], dtype=np.int64),
-            "odometry_disagreement": np.array([disagreement[a:b].max() for a, b in zip(index, ends, strict=True)]),
-        }
-
-    def _summary(self, particles: ParticleFilter, offset: TimeOffset, odometry_steps: list[ScanStep]) -> dict[str, Any]:
-        steps = particles.steps
-        return {
-            "scans": len(self._scans),
-            "processed_scans": len(steps),
-            "resamplings": sum(step.resampled for step in steps),
-            "fallbacks": sum(step.fallbacks for step in steps),
-            "time_offset_s": offset.seconds,
-            "time_offset_scans": offset.num_scans,
-            "wide_searches": sum(step.searched for step in odometry_steps),
-            "mean_match_quality": float(np.mean([step.quality for step in odometry_steps])) if odometry_steps else None,
-            "tiles": particles.maps.num_tiles,
-        }
+            self._setup.log.progress.update((stamps[k] - stamps[0]) / 1e9)

@@ -18,7 +18,9 @@ class GmappingParameters:
     odom_frame: str = parameter("odom", "frame of the odometry")
     transform_publish_period: float = parameter(0.05, "period of the map -> odom broadcast", unit="s", effective=False)
     tf_delay: float = parameter(0.05, "how far the broadcast is dated into the future", unit="s", effective=False)
-    map_update_interval: float = parameter(5.0, "period of the published map", unit="s", effective=False)
+    map_update_interval: float = parameter(
+        5.0, "period of the map as it goes (live); that of a whole recording is drawn at its end", unit="s", minimum=0.0
+    )
     maxRange: float = parameter(
         None,
         "readings at or over it are no return; default: the scanner's range_max - 0.01",

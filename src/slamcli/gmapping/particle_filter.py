@@ -112,6 +112,10 @@ class ParticleFilter:
             particle = int(self.steps[k].parents[particle])
         return np.array([step.index for step in self.steps], dtype=np.int64), poses
 
+    def best_pose(self) -> NDArray[np.float64]:
+        """Return the newest pose (3,) of that particle, as it was matched."""
+        return self.poses[int(np.argmax(self._weight_sums))].copy()
+
     def _match(self, beams: Beams, record: StepRecord) -> None:
         predicted = self.poses.copy()
         surface = _ALIGNMENT if self.parameters.match == "surface" else None

@@ -94,3 +94,22 @@ def touched_tiles(touched, origin_x, origin_y, delta, start, ends, pose):
                 i += si
             touched[i >> SHIFT, j >> SHIFT] = 1
     return True
+
+
+@njit(cache=True, nogil=True)
+def trinary(cells, table, occ_thresh, out):
+    """Write the occupancy of the tiles of a table (R, C) to `out` (32 R, 32 C), which is unknown (-1) where there is no tile.
+
+    A visited cell is occupied (100) where its share of hits is over `occ_thresh` (float32), else free (0).
+    """
+    for i in range(table.shape[0]):
+        for j in range(table.shape[1]):
+            tile = table[i, j]
+            if tile == 0:
+                continue
+            for r in range(TILE):
+                for q in range(TILE):
+                    visits = cells[tile, r, q, 0]
+                    if visits > 0.0:
+                        hits = cells[tile, r, q, 1]
+                        out[i * TILE + r, j * TILE + q] = 100 if hits > occ_thresh * visits else 0

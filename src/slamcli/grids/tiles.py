@@ -199,29 +199,15 @@ class TiledMaps:
             raise EstimationError("the map is empty: no beam of any scan was within range")
         first_row, first_column = int(rows.min()), int(columns.min())
         size = _kernels.TILE
-        places = [(int(row), int(column)) for row, column in zip(rows, columns, strict=True)]
-        blocks = [self._block(int(self.tables[index, row, column]), occ_thresh) for row, column in places]
-        corners = [((row - first_row) * size, (column - first_column) * size) for row, column in places]
-        known_rows = np.zeros((int(rows.max()) - first_row + 1) * size, np.bool_)
-        known_columns = np.zeros((int(columns.max()) - first_column + 1) * size, np.bool_)
-        for (i, j), block in zip(corners, blocks, strict=True):
-            known_rows[i : i + size] |= (block >= 0).any(axis=1)
-            known_columns[j : j + size] |= (block >= 0).any(axis=0)
-        i0, i1 = _extent(known_rows, margin_cells)
-        j0, j1 = _extent(known_columns, margin_cells)
-        cells = np.full((i1 - i0, j1 - j0), -1, np.int8)
-        for (i, j), block in zip(corners, blocks, strict=True):
-            top, left = max(i0 - i, 0), max(j0 - j, 0)
-            part = block[top : max(i1 - i, 0), left : max(j1 - j, 0)]
-            cells[i + top - i0 : i + top - i0 + part.shape[0], j + left - j0 : j + left - j0 + part.shape[1]] = part
+        table = self.tables[index, first_row : rows.max() + 1, first_column : columns.max() + 1]
+        whole = np.full((table.shape[0] * size, table.shape[1] * size), -1, np.int8)
+        _kernels.trinary(self.cells, np.ascontiguousarray(table), np.float32(occ_thresh), whole)
+        known = whole >= 0
+        i0, i1 = _extent(np.any(known, axis=1), margin_cells)
+        j0, j1 = _extent(np.any(known, axis=0), margin_cells)
         x, y = self.origin
         corner = (x + (first_column * size + j0) * self.delta, y + (first_row * size + i0) * self.delta, 0.0)
-        return OccupancyGrid(cells, self.delta, corner, frame_id)
-
-    def _block(self, tile: int, occ_thresh: float) -> NDArray[np.int8]:
-        """Return the occupancy (32, 32) of one tile."""
-        visits, hits = self.cells[tile, ..., 0], self.cells[tile, ..., 1]
-        return np.where(visits > 0, np.where(hits > occ_thresh * visits, 100, 0), -1).astype(np.int8)
+        return OccupancyGrid(np.ascontiguousarray(whole[i0:i1, j0:j1]), self.delta, corner, frame_id)
 
     def _in_chunks(self, work: Callable[[range], None], count: int) -> None:
         """Run `work` over ranges of 0..count, one per thread; kernels release the GIL."""

@@ -75,7 +75,7 @@ def refine_pose(
     Gauss-Newton with weights that fall with the distance from the walls; first a wide, then a narrow look. Where walls do not
     tell (along a corridor) the particles decide.
     """
-    information: Array = np.linalg.inv(covariance + np.diag(_LEAST_VARIANCE))
+    information = np.asarray(np.linalg.inv(covariance + np.diag(_LEAST_VARIANCE)), dtype=np.float64)
     best: Refined | None = None
     for start in starts:
         pose = start.copy()

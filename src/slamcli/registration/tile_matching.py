@@ -140,6 +140,7 @@ def warm() -> None:
     maps = TiledMaps(1, 0.05, (-1.0, -1.0, 1.0, 1.0))
     point, poses = np.array([[0.5, 0.0]]), np.zeros((1, 3))
     maps.add_scan(poses, np.zeros((1, 2)), point, np.ones(1, np.bool_))
+    maps.occupancy(0, 0.25, "map")
     match_particles(maps, point, point, poses, HillClimb())
     sample_likelihoods(maps, point, point, poses, np.zeros((1, 3)), HillClimb())
     surface_aligner(maps, point, SurfaceAlignment())(poses[0], poses[0], np.ones(3))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,44 @@ FRAME = "laser"
 TOPIC = "/scan"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class BeamPattern:
+    """Where the beams of a scan point and when, as `laser.*` settings have it."""
+
+    angle_min_rad: float
+    increment_rad: float
+    time_increment_s: float
+    angles_base: Array
+    """float64 (N,): directions in base_link."""
+    offsets_s: Array
+    """float64 (N,): time of each beam from the first."""
+
+    @property
+    def sweep_s(self) -> float:
+        """Seconds from the first to the last beam."""
+        return float(self.offsets_s[-1])
+
+
+def beam_pattern(p: SimulationParameters) -> BeamPattern:
+    """Return the beams of a scan in the order in which they are measured."""
+    fov = math.radians(p.laser_fov)
+    gaps = p.laser_beams if p.laser_fov >= 360.0 else max(p.laser_beams - 1, 1)
+    way = -1.0 if p.laser_clockwise else 1.0
+    increment = way * fov / gaps if fov > 0 else way * 1e-3
+    first = -way * fov / 2
+    whole = fov / (2 * math.pi) / p.laser_rate
+    step = (whole if p.laser_sweep is None else min(p.laser_sweep, 1 / p.laser_rate)) / gaps
+    side = -1.0 if p.laser_upside_down else 1.0
+    numbers: Array = np.arange(p.laser_beams, dtype=np.float64)
+    angles = math.radians(p.laser_yaw) + side * (first + numbers * increment)
+    return BeamPattern(first, increment, step, angles, numbers * step)
+
+
+def special_reading(kind: str, farthest_m: float) -> float:
+    """Return the number that a setting such as `laser.no_return` means."""
+    return {"nan": math.nan, "inf": math.inf, "zero": 0.0, "max": farthest_m}[kind]
+
+
 class Scanner:
     """A planar scanner on the robot; `scan` gives what it measures from a time on."""
 
@@ -32,18 +71,10 @@ class Scanner:
     ) -> None:  # fmt: skip
         self._world, self._ride, self._space, self._crowd = world, ride, space, crowd
         self._parameters, self._rng = parameters, rng
-        p = parameters
-        fov = math.radians(p.laser_fov)
-        gaps = p.laser_beams if p.laser_fov >= 360.0 else max(p.laser_beams - 1, 1)
-        way = -1.0 if p.laser_clockwise else 1.0
-        self.increment_rad = way * fov / gaps if fov > 0 else way * 1e-3
-        self.angle_min_rad = -way * fov / 2
-        whole = fov / (2 * math.pi) / p.laser_rate
-        self.time_increment_s = (whole if p.laser_sweep is None else min(p.laser_sweep, 1 / p.laser_rate)) / gaps
-        self._angles = self.angle_min_rad + np.arange(p.laser_beams) * self.increment_rad
-        side = -1.0 if p.laser_upside_down else 1.0
-        self._angles_base = math.radians(p.laser_yaw) + side * self._angles
-        self._offsets_s: Array = np.arange(p.laser_beams, dtype=np.float64) * self.time_increment_s
+        pattern = beam_pattern(parameters)
+        self.angle_min_rad, self.increment_rad = pattern.angle_min_rad, pattern.increment_rad
+        self.time_increment_s = pattern.time_increment_s
+        self._angles_base, self._offsets_s = pattern.angles_base, pattern.offsets_s
 
     @property
     def sweep_s(self) -> float:
@@ -121,4 +152,4 @@ class Scanner:
         return np.where(lost, self._special(p.laser_dropout_value), ranges).astype(np.float32)
 
     def _special(self, kind: str) -> float:
-        return {"nan": math.nan, "inf": math.inf, "zero": 0.0, "max": self._parameters.laser_range_max}[kind]
+        return special_reading(kind, self._parameters.laser_range_max)

@@ -14,12 +14,12 @@ from typing import Any
 
 from slamcli.errors import ConfigError
 from slamcli.parameters import declarations, parameter, resolve, unknown_name
-from slamcli.simulation.camera_parameters import CameraParameters
+from slamcli.simulation.robot_parameters import RobotParameters
 from slamcli.simulation.setting import number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimulationParameters(CameraParameters):
+class SimulationParameters(RobotParameters):
     """Settings of one simulated recording; names as in world files and ``--set``."""
 
     robot_radius: float = number(

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: MIT
+"""Kernel of one scan: beams from a moving robot through walls and moving things, with the scanner's errors."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+_SLACK = 1e-9  # share of a segment: rays through a corner that two walls share must not slip between them
+
+
+@njit(cache=True, nogil=True)
+def _rounded_box(ox, oy, dx, dy, box):
+    """Distance along a ray to the outline of a box (7,) without rounding, or of a disc; inf without a hit."""
+    ax, ay = ox - box[0], oy - box[1]
+    if box[4] == 0.0 and box[5] == 0.0:
+        along, across = -(ax * dx + ay * dy), ax * dy - ay * dx
+        half = box[6] * box[6] - across * across
+        if half < 0.0:
+            return np.inf
+        root = math.sqrt(half)
+        if along - root >= 0.0:
+            return along - root
+        return along + root if along + root >= 0.0 else np.inf
+    c, s = box[2], box[3]
+    px, py = c * ax + s * ay, c * ay - s * ax
+    qx, qy = c * dx + s * dy, c * dy - s * dx
+    enter, leave = -np.inf, np.inf
+    for at, way, half in ((px, qx, box[4]), (py, qy, box[5])):
+        if way == 0.0:
+            if abs(at) > half:
+                return np.inf
+        else:
+            one, two = (-half - at) / way, (half - at) / way
+            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+    if enter > leave or leave < 0.0:
+        return np.inf
+    return enter if enter >= 0.0 else leave
+
+
+@njit(cache=True, nogil=True)
+def _walls(ox, oy, dx, dy, segments, circles, best):
+    """Distance along a ray to the first segment (S, 4) or circle (C, 3), `best` without a nearer one."""
+    for j in range(segments.shape[0]):
+        ax, ay = segments[j, 0] - ox, segments[j, 1] - oy
+        ex, ey = segments[j, 2] - segments[j, 0], segments[j, 3] - segments[j, 1]
+        denominator = dx * ey - dy * ex
+        if abs(denominator) < 1e-12:
+            continue
+        distance = (ax * ey - ay * ex) / denominator
+        if distance < 0.0 or distance >= best:
+            continue
+        along = (ax * dy - ay * dx) / denominator
+        if -_SLACK <= along <= 1.0 + _SLACK:
+            best = distance
+    for j in range(circles.shape[0]):
+        ax, ay = circles[j, 0] - ox, circles[j, 1] - oy
+        along, across = ax * dx + ay * dy, ax * dy - ay * dx
+        half = circles[j, 2] * circles[j, 2] - across * across
+        if half < 0.0:
+            continue
+        root = math.sqrt(half)
+        hit = along - root if along - root >= 0.0 else along + root
+        if 0.0 <= hit < best:
+            best = hit
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _cells(gx, gy, dx, dy, field, best):
+    """Distance in cells along a ray to where it enters the first wall cell, `best` without a nearer one.
+
+    Where no wall is near the ray jumps as far as the field says that there is none, elsewhere it walks from cell to cell
+    (Amanatides and Woo 1987). Every crossing of a cell's side is computed from the ray's origin, so jumps add no error.
+    """
+    height, width = field.shape
+    enter, leave = 0.0, best
+    for at, way, size in ((gx, dx, float(width)), (gy, dy, float(height))):
+        if way == 0.0:
+            if at < 0.0 or at > size:
+                return best
+        else:
+            one, two = -at / way, (size - at) / way
+            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+    if enter > leave or enter >= best:
+        return best
+    per_x = 1.0 / dx if dx != 0.0 else np.inf
+    per_y = 1.0 / dy if dy != 0.0 else np.inf
+    step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+    side_x, side_y = (1 if dx > 0 else 0), (1 if dy > 0 else 0)
+    at = enter
+    column = min(max(np.int64(math.floor(gx + at * dx)), 0), width - 1)
+    row = min(max(np.int64(math.floor(gy + at * dy)), 0), height - 1)
+    while at < leave:
+        value = np.int64(field[row, column])
+        if value == 0:
+            return at
+        if value > 3:
+            at += value - 1.0
+            if at >= leave:
+                return best
+            column = min(max(np.int64(math.floor(gx + at * dx)), 0), width - 1)
+            row = min(max(np.int64(math.floor(gy + at * dy)), 0), height - 1)
+            continue
+        next_x = (column + side_x - gx) * per_x if dx != 0.0 else np.inf
+        next_y = (row + side_y - gy) * per_y if dy != 0.0 else np.inf
+        if next_x < next_y:
+            at = next_x
+            column += step_x
+        else:
+            at = next_y
+            row += step_y
+        if row < 0 or column < 0 or row >= height or column >= width:
+            return best
+    return best
+
+
+@njit(cache=True, nogil=True)
+def true_ranges(poses, mount, angles, times, field, frame, segments, circles, movers, limit, ranges):
+    """Fill `ranges` (N,), metres, inf beyond `limit`.
+
+    `poses` (N, 3) are those of base_link in the map at each beam, `mount` x, y of the scanner on it, `angles` (N,) those
+    of the beams in base_link, `times` (N,) seconds of the beams from the moment at which `movers` (M, 9) are there.
+    """
+    size = frame[4]
+    box = np.empty(7)
+    for i in range(angles.shape[0]):
+        c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        ox, oy = poses[i, 0] + c * mount[0] - s * mount[1], poses[i, 1] + s * mount[0] + c * mount[1]
+        dx, dy = math.cos(poses[i, 2] + angles[i]), math.sin(poses[i, 2] + angles[i])
+        best = limit
+        for j in range(movers.shape[0]):
+            for k in range(7):
+                box[k] = movers[j, k]
+            box[0] += movers[j, 7] * times[i]
+            box[1] += movers[j, 8] * times[i]
+            hit = _rounded_box(ox, oy, dx, dy, box)
+            if hit < best:
+                best = hit
+        best = _walls(ox, oy, dx, dy, segments, circles, best)
+        if field.shape[0] > 0:
+            gx = (frame[2] * (ox - frame[0]) + frame[3] * (oy - frame[1])) / size
+            gy = (frame[2] * (oy - frame[1]) - frame[3] * (ox - frame[0])) / size
+            best = size * _cells(
+                gx, gy, frame[2] * dx + frame[3] * dy, frame[2] * dy - frame[3] * dx, field, best / size
+            )
+        ranges[i] = np.inf if best >= limit * (1.0 - 1e-12) else best
+
+
+@njit(cache=True, nogil=True)
+def poses_at(history, first, share, newest, oldest, step, poses):
+    """Fill `poses` (N, 3): row i is where the robot was `share` + i * `step` ticks after tick `first`.
+
+    `history` (T, 3) holds the pose of tick k in row k modulo T, of ticks `oldest` to `newest`; beyond them the nearest.
+    """
+    size = history.shape[0]
+    for i in range(poses.shape[0]):
+        at = share + i * step
+        whole = np.int64(math.floor(at))
+        a = min(max(first + whole, oldest), newest)
+        b = min(max(first + whole + 1, oldest), newest)
+        part = at - whole
+        for k in range(3):
+            poses[i, k] = (1.0 - part) * history[a % size, k] + part * history[b % size, k]
+
+
+@njit(cache=True, nogil=True)
+def measure(ranges, noise, lost, scanner, out):
+    """Fill `out` float32 (N,) with what a scanner says of true `ranges` (N,): `laser.Scanner` explains each step.
+
+    `scanner` holds the nearest and farthest range, noise, noise per range, resolution, share of dropouts, and what a beam
+    without an answer and one beyond the farthest range read.
+    """
+    nearest, farthest, resolution = scanner[0], scanner[1], scanner[4]
+    for i in range(ranges.shape[0]):
+        true = ranges[i]
+        if lost[i] < scanner[5]:
+            out[i] = scanner[6]
+            continue
+        if true == np.inf:
+            out[i] = scanner[7]
+            continue
+        if true < nearest:
+            out[i] = -np.inf
+            continue
+        told = true + noise[i] * math.hypot(scanner[2], scanner[3] * true)
+        if resolution > 0.0:
+            told = np.rint(told / resolution) * resolution
+        told = max(told, nearest)
+        out[i] = scanner[7] if told > farthest else told

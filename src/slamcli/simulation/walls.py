@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: MIT
+"""The walls of a world as arrays that kernels run through quickly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.grids.distance import squared_distance
+from slamcli.simulation.world import World
+
+Array = NDArray[np.float64]
+
+_FARTHEST_JUMP = 254
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walls:
+    """Everything that stands still."""
+
+    field: NDArray[np.uint8]
+    """uint8 (H, W): 0 in wall cells, else 1 + whole cells around (any point of) the cell within which there is no wall."""
+    frame: Array
+    """float64 (5,): x, y, cos and sin of the grid's lower left corner, and metres per cell."""
+    segments: Array
+    """float64 (S, 4)."""
+    circles: Array
+    """float64 (C, 3)."""
+    shapes: Array
+    """float64 (S + C, 7): both as rounded boxes x, y, cos, sin, half length, half width, radius."""
+
+
+def build_walls(world: World, *, unknown_is_wall: bool = False) -> Walls:
+    """Return the walls of `world`; cells that nobody knows count as walls if `unknown_is_wall`."""
+    segments, circles = np.ascontiguousarray(world.segments), np.ascontiguousarray(world.circles)
+    field, frame = np.zeros((0, 0), np.uint8), np.array([0.0, 0.0, 1.0, 0.0, 1.0])
+    if world.grid is not None:
+        occupied = world.occupied_cells.astype(np.bool_)
+        if unknown_is_wall:
+            occupied = occupied | (world.grid.cells < 0)
+        field = free_field(occupied)
+        x, y, yaw = world.grid.origin
+        frame = np.array([x, y, math.cos(yaw), math.sin(yaw), world.grid.resolution_m])
+    return Walls(field, frame, segments, circles, np.concatenate([_boxes(segments), _discs(circles)]))
+
+
+def free_field(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return uint8 (H, W): 0 where occupied, else 1 + cells (at most 254) around any point of the cell that are free.
+
+    Two points of two cells are up to 1.415 cells nearer to each other than their centres.
+    """
+    squared = squared_distance(occupied)
+    far = np.sqrt(np.where(squared < 0, np.inf, squared))
+    field = 1 + np.clip(np.floor(far - 1.5), 0, _FARTHEST_JUMP)
+    field[occupied] = 0
+    return field.astype(np.uint8)
+
+
+def _boxes(segments: Array) -> Array:
+    way = segments[:, 2:] - segments[:, :2]
+    length = np.hypot(way[:, 0], way[:, 1])
+    ahead = np.where(length[:, None] > 0, way / np.maximum(length, 1e-300)[:, None], [1.0, 0.0])
+    boxes = np.zeros((len(segments), 7))
+    boxes[:, :2] = (segments[:, :2] + segments[:, 2:]) / 2
+    boxes[:, 2:4], boxes[:, 4] = ahead, length / 2
+    return boxes
+
+
+def _discs(circles: Array) -> Array:
+    boxes = np.zeros((len(circles), 7))
+    boxes[:, :2], boxes[:, 2], boxes[:, 6] = circles[:, :2], 1.0, circles[:, 2]
+    return boxes
