@@ -116,7 +116,7 @@ def inflate(
     reach = int(min(reach, math.ceil(diagonal)))
     if reach == 0:
         return costs
-    table = _cost_by_squared_distance(reach, resolution_m, inscribed_radius_m, cost_scaling_factor)
+    table = cost_by_squared_distance(reach, resolution_m, inscribed_radius_m, cost_scaling_factor)
     near = (squared >= 0) & (squared <= reach * reach)
     cost = np.zeros(costs.shape, dtype=np.uint8)
     cost[near] = table[squared[near]]
@@ -127,7 +127,8 @@ def inflate(
     return inflated
 
 
-def _cost_by_squared_distance(reach: int, resolution_m: float, inscribed_m: float, factor: float) -> NDArray[np.uint8]:
+def cost_by_squared_distance(reach: int, resolution_m: float, inscribed_m: float, factor: float) -> NDArray[np.uint8]:
+    """Return uint8 (reach² + 1,): the cost at a squared distance in cells from the nearest obstacle."""
     distance_m = np.sqrt(np.arange(reach * reach + 1, dtype=np.float64)) * resolution_m
     decay = np.exp(-factor * np.maximum(distance_m - inscribed_m, 0.0))
     cost = np.floor((INSCRIBED - 1) * decay)

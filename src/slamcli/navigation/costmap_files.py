@@ -13,6 +13,7 @@ from slamcli.navigation.costmap_parameters import (
     LAYER_TYPES,
     OBSTACLE_LAYER_NAMES,
     SOURCE_NAMES,
+    WITHOUT_EFFECT_ON_A_SAVED_MAP,
     CostmapParameters,
 )
 from slamcli.navigation.planner_parameters import PlannerParameters
@@ -99,10 +100,12 @@ class _Reader:
             self._ignore(parts[-1], "the layers here are always the static layer and inflation")
         elif head in self._layers and len(parts) > 1:
             self._take_layer(self._layers[head], parts[1:], value, source)
+        elif (
+            name in ALIASES
+        ):  # before Hydro's track_unknown_space is the map's, too: that is what counts on a saved map
+            self._set(self._settings.costmap, self._costmap[ALIASES[name]], value, source)
         elif name in self._costmap:
             self._set(self._settings.costmap, self._costmap[name], value, source)
-        elif name in ALIASES:
-            self._set(self._settings.costmap, self._costmap[ALIASES[name]], value, source)
         elif self._is_sensor(parts):
             self._ignore(head, "there are no live sensor data to put on the map")
         elif name in self._planner:
@@ -140,7 +143,7 @@ class _Reader:
             values[declaration.name] = convert(declaration, value)
         except ConfigError as error:
             raise ConfigError(f"{source}: {error}") from error
-        if not declaration.effective:
+        if declaration.name in WITHOUT_EFFECT_ON_A_SAVED_MAP or not declaration.effective:
             self._ignore(declaration.name, "no meaning when planning on a saved map")
 
     def _ignore(self, name: str, why: str) -> None:

@@ -11,14 +11,13 @@ from slamcli.parameters import parameter
 COSTMAP_2D_ROBOT_RADIUS_M = 0.46
 """What costmap_2d assumes of a robot that a configuration file does not describe."""
 
-_NO_DATA = "Accepted; no meaning without live sensor data."
-_NO_TIME = "Accepted; no meaning offline."
-_NO_WINDOW = "Accepted; the costmap has the extent of the map."
+_NO_TIME = "Accepted; poses are known without waiting."
+_NO_TOPIC = "Accepted; maps come whole."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostmapParameters:
-    """What the global costmap is computed from."""
+    """What a costmap is computed from: its extent, the robot, the static layer and inflation."""
 
     robot_radius: float | None = parameter(
         None,
@@ -70,32 +69,78 @@ class CostmapParameters:
     inflate_unknown: bool = parameter(
         False, "Inflation also gives a cost to unknown cells.", name="inflation_layer.inflate_unknown"
     )
+    track_unknown: bool = parameter(
+        False,
+        "Cells of which no layer says anything, and those of obstacle layers that no beam has met, are unknown, not free. With"
+        " false an obstacle layer frees the unknown cells of the map below it, as in costmap_2d.",
+        name="track_unknown_space",
+    )
     global_frame: str = parameter("map", "Frame of the map and of the path that is written.")
-    robot_base_frame: str = parameter("base_link", _NO_TIME, effective=False)
+    robot_base_frame: str = parameter("base_link", "Frame of the robot.")
     transform_tolerance: float = parameter(0.3, _NO_TIME, unit="s", effective=False)
-    update_frequency: float = parameter(5.0, _NO_TIME, unit="Hz", effective=False)
-    publish_frequency: float = parameter(0.0, _NO_TIME, unit="Hz", effective=False)
-    always_send_full_costmap: bool = parameter(False, _NO_TIME, effective=False)
-    static_map: bool = parameter(True, "Accepted; the map is always used.", effective=False)
-    rolling_window: bool = parameter(False, _NO_WINDOW, effective=False)
-    width: float = parameter(10.0, _NO_WINDOW, unit="m", effective=False)
-    height: float = parameter(10.0, _NO_WINDOW, unit="m", effective=False)
+    update_frequency: float = parameter(
+        5.0, "How often the costmap is updated; 0: never.", unit="Hz", minimum=0.0, maximum=1000.0
+    )
+    publish_frequency: float = parameter(
+        0.0, "How often the costmap is recorded; 0: never.", unit="Hz", minimum=0.0, maximum=1000.0
+    )
+    always_send_full_costmap: bool = parameter(False, "Accepted; costmaps are recorded whole.", effective=False)
+    static_map: bool | None = parameter(
+        None, "Have a static layer, in files without a list of plugins. auto: what the costmap is for.", kind=bool
+    )
+    rolling_window: bool = parameter(False, "The costmap moves with the robot, who stays in its middle.")
+    width: float = parameter(10.0, "Of a costmap without a map below.", unit="m", minimum=1e-3, maximum=1e5)
+    height: float = parameter(10.0, "Of a costmap without a map below.", unit="m", minimum=1e-3, maximum=1e5)
     resolution: float = parameter(
-        0.05, "Accepted; the costmap has the resolution of the map.", unit="m", effective=False
+        0.05, "Of a costmap without a map below: side of a cell.", unit="m", minimum=1e-4, maximum=1e3
     )
-    origin_x: float = parameter(0.0, _NO_WINDOW, unit="m", effective=False)
-    origin_y: float = parameter(0.0, _NO_WINDOW, unit="m", effective=False)
-    map_type: str = parameter("costmap", _NO_DATA, choices=("costmap", "voxel"), effective=False)
-    map_topic: str = parameter("map", _NO_TIME, name="static_layer.map_topic", effective=False)
-    first_map_only: bool = parameter(False, _NO_TIME, name="static_layer.first_map_only", effective=False)
-    subscribe_to_updates: bool = parameter(False, _NO_TIME, name="static_layer.subscribe_to_updates", effective=False)
+    origin_x: float = parameter(
+        0.0, "Lower left corner of a costmap without a map below.", unit="m", minimum=-1e6, maximum=1e6
+    )
+    origin_y: float = parameter(
+        0.0, "Lower left corner of a costmap without a map below.", unit="m", minimum=-1e6, maximum=1e6
+    )
+    map_type: str = parameter(
+        "costmap",
+        "Layer for what sensors see, in files without a list of plugins: the obstacle layer or the voxel layer.",
+        choices=("costmap", "voxel"),
+    )
+    map_topic: str = parameter("map", _NO_TOPIC, name="static_layer.map_topic", effective=False)
+    first_map_only: bool = parameter(
+        False, "The first map stays, whatever SLAM says later.", name="static_layer.first_map_only"
+    )
+    subscribe_to_updates: bool = parameter(False, _NO_TOPIC, name="static_layer.subscribe_to_updates", effective=False)
     use_maximum: bool = parameter(
-        False, "Accepted; the map is the only layer below inflation.", name="static_layer.use_maximum", effective=False
-    )
+        False, "The map takes the greater cost where layers lie below it; else it overwrites them.", name="static_layer.use_maximum"
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         parse_footprint(self.footprint)
 
+
+WITHOUT_EFFECT_ON_A_SAVED_MAP = frozenset(
+    {
+        "track_unknown_space",
+        "robot_base_frame",
+        "transform_tolerance",
+        "update_frequency",
+        "publish_frequency",
+        "always_send_full_costmap",
+        "static_map",
+        "rolling_window",
+        "width",
+        "height",
+        "resolution",
+        "origin_x",
+        "origin_y",
+        "map_type",
+        "static_layer.map_topic",
+        "static_layer.first_map_only",
+        "static_layer.subscribe_to_updates",
+        "static_layer.use_maximum",
+    }
+)
+"""What has no meaning where no robot moves: the costmap has the extent of the map, which is the only layer below inflation."""
 
 # Pre-Hydro files (without a list of plugins) have these at the top; costmap_2d moves them into the layers.
 ALIASES = {

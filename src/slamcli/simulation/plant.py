@@ -16,7 +16,9 @@ from slamcli.navigation.footprint import parse_footprint
 from slamcli.simulation import _beam_kernels, _plant_kernels, laser
 from slamcli.simulation.contact import Contact
 from slamcli.simulation.parameters import SimulationParameters, resolve_settings
-from slamcli.simulation.walls import build_walls
+from slamcli.simulation.site import site_of
+from slamcli.simulation.social_force import STEP_S
+from slamcli.simulation.traffic import Traffic
 from slamcli.simulation.world import World
 
 Array = NDArray[np.float64]
@@ -28,6 +30,7 @@ _MOST_COMMANDS = 4096
 _MOST_EVENTS = 256
 _FARTHEST_CLEARANCE_M = 3.0
 _TICK_NS = 10_000_000
+_STEP_TICKS = round(STEP_S / TICK_S)
 
 
 class Plant:
@@ -54,8 +57,8 @@ class Plant:
                 f"laser.range_min {p.laser_range_min:g} m is not below laser.range_max {p.laser_range_max:g} m"
             )
         self.world, self.parameters, self._seed = world, parameters, seed
-        self._walls = build_walls(world)
-        self._barriers = self._walls if p.robot_unknown_is_floor else build_walls(world, unknown_is_wall=True)
+        self._walls = site_of(world).walls()
+        self._barriers = self._walls if p.robot_unknown_is_floor else site_of(world).walls(unknown_is_wall=True)
         outline = parse_footprint(p.robot_footprint)
         self._outline = np.array(outline) if outline else np.zeros((1, 2))
         self._radius = 0.0 if outline else p.robot_radius
@@ -64,7 +67,6 @@ class Plant:
         self._state, self._counters = np.zeros(16), np.zeros(5, np.int64)
         self._queue, self._wanted = np.zeros((_MOST_COMMANDS, 4)), np.zeros(3)
         self._history = np.zeros((round(_HISTORY_S / TICK_S), 6))
-        self._movers, self._touching = np.zeros((0, 9)), np.zeros(1, np.int64)
         self._events = np.zeros((_MOST_EVENTS, 6))
         self._limits, self._told = _limits(p), _told(p)
         self._slips = p.slip_rate > 0.0 or p.slip_drift > 0.0
@@ -84,6 +86,9 @@ class Plant:
         self._contacts: list[Contact] = []
         self.teleport(start)
         self._history[:] = self._history[0]
+        self._traffic = Traffic(world, p, self._state[:3], self._outline, self._radius, self.stream)
+        self._movers, self._seen = self._traffic.bodies, self._traffic.seen
+        self._touching = np.zeros(1 + len(self._movers), np.int64)
 
     def stream(self, name: str) -> np.random.Generator:
         """Return a new generator of random numbers that depends on the seed and `name` only."""
@@ -179,8 +184,20 @@ class Plant:
             raise UsageError(f"advance {seconds:g} s: give a multiple of {TICK_S:g} s")
         while ticks > 0:
             count = min(ticks, len(self._no_slips))
+            if not self._traffic.is_empty:
+                passed = int(self._counters[0]) % _STEP_TICKS
+                if passed == 0:
+                    self._let_traffic_decide()
+                count = min(count, _STEP_TICKS - passed)
             self._run(count)
             ticks -= count
+
+    def _let_traffic_decide(self) -> None:
+        x, y, yaw, forward, left, turn = self._state[:6].tolist()
+        c, s = math.cos(yaw), math.sin(yaw)
+        robot = np.array([x, y, yaw, c * forward - s * left, s * forward + c * left, turn])
+        self._traffic.step(self.time_s, robot)
+        self._movers, self._seen = self._traffic.bodies, self._traffic.seen
 
     def _run(self, ticks: int) -> None:
         w = self._barriers
@@ -207,7 +224,9 @@ class Plant:
             )
 
     def _kind(self, what: int) -> str:
-        return "wall" if what < 0 else "person"
+        if what < 0:
+            return "wall"
+        return "person" if what < self._traffic.num_people else "cart"
 
     def teleport(self, pose: Array) -> None:
         """Put the robot elsewhere (kidnap it): the truth jumps to `pose` (3,), odometry does not notice, it stands still.
@@ -266,8 +285,8 @@ class Plant:
         )
         w = self._walls
         _beam_kernels.true_ranges(
-            self._poses, self._mount, pattern.angles_base, self._beam_times, w.field, w.frame, w.segments, w.circles,
-            self._movers, p.laser_range_max, self._true,
+            self._poses, self._mount, pattern.angles_base, self._beam_times + self._since_step_s(), w.field, w.frame, w.segments, w.circles,
+            self._seen, p.laser_range_max, self._true,
         )  # fmt: skip
         noise, lost = self._laser_rng.standard_normal(p.laser_beams), self._laser_rng.random(p.laser_beams)
         ranges = np.empty(p.laser_beams, np.float32)
@@ -292,10 +311,16 @@ class Plant:
         _beam_kernels.poses_at(columns, whole, first - whole, now, max(now - len(columns) + 1, 0), step, poses)
 
     def discs(self) -> Array:
-        """Return float64 (D, 5) x, y, radius (metres, map frame), vx, vy (m/s) around everything that moves."""
-        return np.column_stack(
-            [self._movers[:, :2], self._movers[:, 4] + self._movers[:, 5] + self._movers[:, 6], self._movers[:, 7:]]
-        )
+        """Return float64 (D, 5) x, y, radius (metres, map frame), vx, vy (m/s) around everybody and every cart there is."""
+        there = self._movers[self._traffic.present]
+        return np.column_stack([there[:, :2], np.hypot(there[:, 4], there[:, 5]) + there[:, 6], there[:, 7:]])
+
+    def boxes(self) -> Array:
+        """Return float64 (D, 9) of the same as rounded boxes: x, y, cos, sin, half length, half width, radius, vx, vy."""
+        return self._movers[self._traffic.present]
+
+    def _since_step_s(self) -> float:
+        return int(self._counters[0]) % _STEP_TICKS * TICK_S
 
 
 def _wrapped(pose: Array) -> Array:
