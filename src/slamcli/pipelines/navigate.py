@@ -157,6 +157,11 @@ class Navigator:
         for listener in listeners:
             listener.on_map(0.0, self.grid)
 
+    def listen(self, listener: LoopListener) -> None:
+        """Tell a listener everything from now on, the map first."""
+        self.loop.listeners.append(listener)
+        listener.on_map(self.time_s, self.grid)
+
     @property
     def pose(self) -> Array:
         """float64 (3,): where the robot believes it is, in the map."""
