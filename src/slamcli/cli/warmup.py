@@ -30,6 +30,7 @@ ROOMS = (
     "localization.laser_model",
     "localization.motion_model",
     "localization.particles",
+    "localization.refinement",
     "navigation.dwa_scoring",
     "navigation.grid_search",
     "navigation.inflation_layer",
