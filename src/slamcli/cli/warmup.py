@@ -34,6 +34,7 @@ ROOMS = (
     "navigation.dwa_scoring",
     "navigation.grid_search",
     "navigation.inflation_layer",
+    "navigation.motion_check",
     "navigation.navfn",
     "navigation.obstacle_layer",
     "navigation.path_shape",
