@@ -107,10 +107,8 @@ def _parts(config: NavigationConfig) -> list[tuple[str, Any]]:
     """Return the parameters of each part under the name of its section; of a costmap each layer is a part."""
     parts: list[tuple[str, Any]] = [("amcl", config.amcl)]
     for name, costmap in (("global_costmap", config.global_costmap), ("local_costmap", config.local_costmap)):
-        parts.append((name, costmap.costmap))
-        for layer in costmap.layers:
-            if layer.kind in ("obstacle", "voxel"):
-                parts.append((f"{name}.{layer.name}", layer.obstacle))
+        seeing = [layer for layer in costmap.layers if layer.kind in ("obstacle", "voxel")]
+        parts += [(name, costmap.costmap), *((f"{name}.{layer.name}", layer.obstacle) for layer in seeing)]
     parts += [(name, getattr(config, name)) for name in ("planner", "move_base", "recovery")]
     return [*parts, (LOCAL_PLANNERS[config.local_planner].section, config.local_parameters)]
 

@@ -169,7 +169,7 @@ def _recording(target: Path | None, robot: Navigator) -> Iterator[NavigationReco
         return
     plant, config = robot.plant, robot.config
     periods = {
-        name: 1.0 / max(parameters.costmap.publish_frequency, 1e-3)
+        name: 1.0 / parameters.costmap.publish_frequency if parameters.costmap.publish_frequency > 0.0 else math.inf
         for name, parameters in (("global", config.global_costmap), ("local", config.local_costmap))
     }
     listener = NavigationRecording(
