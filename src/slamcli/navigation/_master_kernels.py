@@ -55,12 +55,14 @@ def raise_around(decay, template, row, column):
     """Raise `decay` around an obstacle to `template` (2R + 1, 2R + 1), whose middle is the obstacle."""
     height, width = decay.shape
     reach = template.shape[0] // 2
+    first_row, last_row = max(0, row - reach), min(height, row + reach + 1)
     first, last = max(0, column - reach), min(width, column + reach + 1)
-    for i in range(max(0, row - reach), min(height, row + reach + 1)):
-        cells = decay[i, first:last]
-        values = template[i - row + reach, first - column + reach : last - column + reach]
-        for k in range(len(cells)):
-            cells[k] = max(cells[k], values[k])
+    cells = decay[first_row:last_row, first:last]
+    values = template[first_row - row + reach : last_row - row + reach, first - column + reach : last - column + reach]
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            value, old = values[i, j], cells[i, j]
+            cells[i, j] = value if value > old else old
 
 
 @njit(cache=True, nogil=True)
