@@ -90,6 +90,16 @@ class Amcl:
         return self._weights.copy()
 
     @property
+    def num_particles(self) -> int:
+        """How many particles there are."""
+        return len(self._poses)
+
+    @property
+    def fit(self) -> float:
+        """How well the last scan used lies on walls at the pose told: 1 if all its readings do, 0 if none or none was used."""
+        return self._fit
+
+    @property
     def converged(self) -> bool:
         """Whether all particles lie within half a metre of their mean, along x and along y."""
         return self._converged
