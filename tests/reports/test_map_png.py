@@ -22,7 +22,7 @@ def pixels(data: bytes) -> np.ndarray:
 
 def painted(grid: OccupancyGrid, max_pixels: int = 2000) -> np.ndarray:
     view = map_figure._choose_view(grid, np.zeros((0, 2)), max_pixels)
-    return map_figure._paint_cells(grid, view)
+    return map_figure.paint_cells(grid, view)
 
 
 def colour_at(grid: OccupancyGrid, picture: np.ndarray, row: int, column: int, max_pixels: int = 2000) -> tuple:
@@ -104,7 +104,7 @@ def test_same_input_gives_the_same_bytes_and_no_metadata(small):
 def test_trajectory_runs_from_dark_blue_to_orange(small):
     trajectory = planar([(1.2, -1.5), (1.5, -1.5), (1.8, -1.5)])
     view = map_figure._choose_view(small, np.zeros((0, 2)), 2000)
-    picture = map_figure._paint_cells(small, view)
+    picture = map_figure.paint_cells(small, view)
     plane.draw_trajectory(picture, view.pixels(trajectory.positions_m[:, :2]), trajectory.stamps_ns, 2.0)
     (x0, y0), (x1, y1) = view.pixels([(1.2, -1.5), (1.8, -1.5)]).astype(int)
     assert tuple(picture[y0, x0]) == (41, 5, 147)

@@ -187,9 +187,8 @@ def advance(new, box, template, least, base, decay, costs, stale, lost, changed)
 
 
 @njit(cache=True, nogil=True)
-def recompute(template, least, base, decay, costs, changed):
-    """Compute `decay` and `costs` (H, W) from `base` alone."""
+def restart(template, base, decay):
+    """Compute `decay` (H, W) from `base` alone."""
     height, width = base.shape
     decay[:, :] = 0
     raise_in(base, decay, template, 0, height, 0, width)
-    mix(base, decay, least, np.array([0, height, 0, width]), costs, changed)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Kernels for lines across cells; see `slamcli.navigation.path_shape`."""
+"""Kernels for lines across cells and Theta*; see `slamcli.navigation.path_shape` and `slamcli.navigation.theta_star`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
 
 
 @njit(cache=True)
@@ -95,3 +96,105 @@ def shortcut(levels: Bytes, blocked: Bools, weight: Floats, stride: int, points:
             reach = j
         i = reach
         keep[i] = True
+
+
+@njit(cache=True)
+def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> None:
+    """Put an item on a binary heap of `size` entries that has room for one more."""
+    at = size
+    while at > 0:
+        above = (at - 1) >> 1
+        if keys[above] <= key:
+            break
+        keys[at], items[at] = keys[above], items[above]
+        at = above
+    keys[at], items[at] = key, item
+
+
+@njit(cache=True)
+def _drop_first(keys: Floats, items: Ints, size: int) -> None:
+    """Take the first item off a binary heap of `size` entries."""
+    last = size - 1
+    key, item = keys[last], items[last]
+    at = 0
+    while True:
+        below = 2 * at + 1
+        if below >= last:
+            break
+        if below + 1 < last and keys[below + 1] < keys[below]:
+            below += 1
+        if keys[below] >= key:
+            break
+        keys[at], items[at] = keys[below], items[below]
+        at = below
+    keys[at], items[at] = key, item
+
+
+@njit(cache=True)
+def search_any_angle(
+    levels: Bytes,
+    blocked: Bools,
+    weight: Floats,
+    stride: int,
+    start: int,
+    goal: int,
+    g: Floats,
+    state: Ints,
+    parent: Ints,
+    generation: int,
+) -> float:
+    """Fill `g` and `parent` by Theta* until the way from `start` to `goal` is known; return its cost, inf if none.
+
+    levels : uint8 (N,) with a border; g : float64 (N,), state : int64 (N,), parent : int64 (N,), work space that is kept from
+    call to call; generation : a number that grows by one from call to call, from 1. `parent` is the cell from which a
+    straight line leads to a cell. Cells are taken up again when they get cheaper.
+    """
+    keys, items = np.empty(4096), np.empty(4096, dtype=np.int64)
+    goal_row, goal_column = goal // stride, goal % stride
+    g[start], state[start], parent[start] = 0.0, generation, start
+    _push(keys, items, 0, 0.0, start)
+    size = 1
+    best = 0.0 if start == goal else np.inf
+    while size > 0:
+        key, node = keys[0], items[0]
+        _drop_first(keys, items, size)
+        size -= 1
+        if key >= best:
+            break
+        row, column = node // stride, node % stride
+        here = g[node]
+        ahead = np.sqrt(float((row - goal_row) ** 2 + (column - goal_column) ** 2))
+        if node != start and key > here + ahead + 1e-9:
+            continue
+        root = parent[node]
+        root_row, root_column = root // stride, root % stride
+        for dr in range(-1, 2):
+            for dc in range(-1, 2):
+                neighbour = node + dr * stride + dc
+                if neighbour == node or blocked[levels[neighbour]]:
+                    continue
+                if dr != 0 and dc != 0 and (blocked[levels[node + dc]] or blocked[levels[node + dr * stride]]):
+                    continue
+                known = g[neighbour] if state[neighbour] == generation else np.inf
+                r, c = row + dr, column + dc
+                step = np.sqrt(float(dr * dr + dc * dc))
+                cost = here + step * 0.5 * (weight[levels[node]] + weight[levels[neighbour]])
+                via = node
+                straight = g[root] + np.sqrt(float((r - root_row) ** 2 + (c - root_column) ** 2))
+                if straight < min(known, cost):
+                    line = g[root] + line_cost(
+                        levels, blocked, weight, stride, float(root_row), float(root_column), float(r), float(c)
+                    )
+                    if line <= cost:
+                        cost, via = line, root
+                if cost >= known - 1e-9:
+                    continue
+                g[neighbour], state[neighbour], parent[neighbour] = cost, generation, via
+                if neighbour == goal:
+                    best = cost
+                if size == len(keys):
+                    keys, items = np.concatenate((keys, keys)), np.concatenate((items, items))
+                rest = np.sqrt(float((r - goal_row) ** 2 + (c - goal_column) ** 2))
+                _push(keys, items, size, cost + rest, neighbour)
+                size += 1
+    return best

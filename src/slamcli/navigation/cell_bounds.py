@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+Cell = TypeVar("Cell", bound=np.generic)
 
 
 class CellBounds(NamedTuple):
@@ -80,11 +82,9 @@ class Extent:
         return int(rows), int(columns)
 
 
-def shifted(
-    cells: NDArray[np.uint8], rows: int, columns: int, shape: tuple[int, int], default: int
-) -> NDArray[np.uint8]:
-    """Return uint8 of `shape`, whose cell (0, 0) is cell (`rows`, `columns`) of `cells`; `default` where that has none."""
-    moved = np.full(shape, default, dtype=np.uint8)
+def shifted(cells: NDArray[Cell], rows: int, columns: int, shape: tuple[int, int], default: int) -> NDArray[Cell]:
+    """Return an array of `shape`, whose cell (0, 0) is cell (`rows`, `columns`) of `cells`; `default` where that has none."""
+    moved = np.full(shape, default, dtype=cells.dtype)
     height, width = cells.shape
     r0, r1 = max(0, rows), min(height, rows + shape[0])
     c0, c1 = max(0, columns), min(width, columns + shape[1])

@@ -161,6 +161,27 @@ class DwaParameters:
         " DWAPlannerROS: as many cells as the costmap has, which keeps the robot from goals that it faces a wall at.",
         extension=True,
     )
+    stop_at_goal: bool = parameter(
+        True,
+        "Look at motions only as far as the goal, where the robot stops. false, as DWAPlannerROS: for all of sim_time,"
+        " which rules goals close to a wall out.",
+        extension=True,
+    )
+    progress: bool = parameter(
+        True,
+        "Take a motion of at least min_vel_trans that is not backwards, if one is valid. false, as DWAPlannerROS: also"
+        " turning in place and backing up, if they cost less, by which the robot can hang in front of its goal.",
+        extension=True,
+    )
+    turn_to_plan: float = parameter(
+        0.6,
+        "Standing or slower than min_vel_trans, turn in place towards the plan where it leads off by more than this. 0, as"
+        " DWAPlannerROS: never.",
+        unit="rad",
+        minimum=0.0,
+        maximum=math.pi,
+        extension=True,
+    )
     scale_footprint: bool = parameter(False, "Apply scaling_speed and max_scaling_factor.", extension=True)
 
     def __post_init__(self) -> None:

@@ -28,6 +28,8 @@ REASONS = {
     int(kernels.PRUNED): "cost more than the best one",
 }
 """Why a motion is out, by its total."""
+_WITHIN = 0.8
+_REACTION_S = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,11 +76,15 @@ class DwaScoring:
         self._growth = np.array([parameters.scaling_speed, growth])
         speed = max(parameters.max_vel_trans, math.hypot(parameters.max_vel_x, parameters.max_vel_y)) + 1e-3
         steps = max(speed / parameters.sim_granularity, parameters.max_vel_theta / parameters.angular_sim_granularity)
-        self._points = np.zeros((math.ceil(parameters.sim_time * steps) + 2, 3))
+        self._points = np.zeros((math.ceil(parameters.sim_time * steps) + 2, 5))
         self._shape = (0, 0)
 
-    def prepare(self, pose: NDArray[np.float64], plan: NDArray[np.float64], costmap: CostWindow) -> None:
+    def prepare(
+        self, pose: NDArray[np.float64], plan: NDArray[np.float64], costmap: CostWindow, *, ends: bool = False
+    ) -> None:
         """Grow distances from the plan (N, 3) and its end over the costmap; poses in the costmap's frame.
+
+        `ends` tells that the robot is to stop at the plan's end, and motions are not looked at beyond it.
 
         Raises
         ------
@@ -87,6 +93,8 @@ class DwaScoring:
         """
         self._fit(costmap)
         self._costmap = costmap
+        radius = _WITHIN * self._parameters.xy_goal_tolerance if ends and self._parameters.stop_at_goal else -1.0
+        self._goal = np.array([plan[-1, 0], plan[-1, 1], radius, _REACTION_S])
         parameters = self._parameters
         growth = 1.0 + float(self._growth[1])
         self._reach = math.ceil(costmap.circumscribed_radius_m * growth / costmap.resolution_m) + 1
@@ -129,12 +137,10 @@ class DwaScoring:
         self, pose: NDArray[np.float64], twist: NDArray[np.float64], sample: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the poses (N, 3) of a motion."""
-        rollout = self._rollout
-        accelerate = not self._parameters.use_dwa
         count = kernels.roll_out(
-            pose, twist, sample, self._acc, rollout[0], rollout[1], rollout[2], accelerate, self._points
+            pose, twist, sample, self._acc, self._rollout, self._goal, not self._parameters.use_dwa, self._points
         )
-        return self._points[:count].copy()
+        return self._points[:count, :3].copy()
 
     def _run(
         self,
@@ -166,6 +172,7 @@ class DwaScoring:
                 twist,
                 self._acc,
                 self._rollout,
+                self._goal,
                 self._limits,
                 forbidden,
                 costmap.costs,

@@ -6,37 +6,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import PlanningError
 from slamcli.grids.distance import least_distance
-from slamcli.navigation import grid_search, navfn, path_shape
+from slamcli.navigation import planner_methods
 from slamcli.navigation.costmap import NO_INFORMATION, Costmap
 from slamcli.navigation.endpoints import Endpoint, Endpoints, NoPathError
 from slamcli.navigation.grid_search import GridSearch
-from slamcli.navigation.navfn import NavFn
-from slamcli.navigation.path_shape import anchored, dense, distinct, headings, line_integral, simplify
+from slamcli.navigation.path_shape import dense, headings, line_integral
+from slamcli.navigation.planner_methods import METHODS, Method, Search, line_through, make_search
 from slamcli.navigation.planner_parameters import PlannerParameters
-from slamcli.navigation.search_space import Cell, SearchSpace
-
-Method = Literal["navfn", "dijkstra", "astar"]
-METHODS: tuple[Method, ...] = ("navfn", "dijkstra", "astar")
+from slamcli.navigation.search_space import SearchSpace
 
 __all__ = ["METHODS", "GlobalPlanner", "Method", "NoPathError", "PlannedPath"]
-
-
-class _Search(Protocol):
-    def find(self, start: Cell, goal: Cell) -> tuple[NDArray[np.float64], float]: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Finder:
     space: SearchSpace
     endpoints: Endpoints
-    search: _Search
+    search: Search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,7 +62,7 @@ class GlobalPlanner:
     parameters
         How.
     method
-        navfn, dijkstra or astar.
+        navfn, dijkstra, astar or theta_star.
     """
 
     def __init__(self, costmap: Costmap, parameters: PlannerParameters | None = None, method: Method = "navfn") -> None:
@@ -108,11 +100,7 @@ class GlobalPlanner:
     def prepare(self) -> None:
         """Load compiled code and prepare the search space now, so that the first query is as fast as the next."""
         self._finder(bool(self.parameters.allow_unknown))
-        if self.method == "navfn":
-            navfn.warm()
-        else:
-            grid_search.warm()
-        path_shape.warm()
+        planner_methods.warm(self.method)
 
     def prepare_for_many(self) -> None:
         """Do now what makes many queries faster; a single one is not worth it."""
@@ -124,13 +112,7 @@ class GlobalPlanner:
         finder = self._finder(allow_unknown)
         source, target = finder.endpoints.resolve(start, goal)
         cells, cost = finder.search.find(source.cell, target.cell)
-        if isinstance(finder.search, GridSearch):
-            path = anchored(cells, source.point_rc, target.point_rc)
-        else:
-            path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
-        path = distinct(path)
-        if self.parameters.simplify:
-            path = simplify(finder.space, path)
+        path = line_through(self.method, finder.space, cells, source.point_rc, target.point_rc)
         if not math.isfinite(line_integral(finder.space, path)):
             raise PlanningError(
                 f"the {self.method} path from {_show(start)} to {_show(goal)} touches an obstacle: please report this map"
@@ -141,10 +123,7 @@ class GlobalPlanner:
         """Return what plans with or without unknown cells; built when it is first needed."""
         if allow_unknown not in self._finders:
             space = SearchSpace.build(self.costmap, self.parameters, allow_unknown=allow_unknown)
-            search: _Search = (
-                NavFn(space) if self.method == "navfn" else GridSearch(space, guided=self.method == "astar")
-            )
-            self._finders[allow_unknown] = _Finder(space, Endpoints(space), search)
+            self._finders[allow_unknown] = _Finder(space, Endpoints(space), make_search(self.method, space))
         return self._finders[allow_unknown]
 
     def _describe(

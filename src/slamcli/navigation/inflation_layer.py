@@ -8,11 +8,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.grids.distance import squared_distance
 from slamcli.navigation import _master_kernels as kernels
 from slamcli.navigation.cell_bounds import Extent
 from slamcli.navigation.costmap import FREE, INSCRIBED, LETHAL, cost_by_squared_distance
 
 Box = NDArray[np.int64]
+
+_LARGEST_REACH = 160
+"""Cells; beyond, one distance field of the whole costmap is less work than many large templates."""
 
 
 class InflationLayer:
@@ -48,7 +52,9 @@ class InflationLayer:
         inscribed_m, radius_m, factor = self._description
         reach = math.ceil(radius_m / extent.resolution_m)
         reach = int(min(reach, math.ceil(math.hypot(*extent.shape))))
-        self._template = _template(reach, extent.resolution_m, inscribed_m, factor)
+        self._reach = reach
+        self._table = cost_by_squared_distance(reach, extent.resolution_m, inscribed_m, factor)
+        self._template = _template(reach if reach <= _LARGEST_REACH else 0, self._table)
         self.base = np.zeros(extent.shape, dtype=np.uint8)
         self.decay = np.zeros(extent.shape, dtype=np.uint8)
         self.costs = np.zeros(extent.shape, dtype=np.uint8)
@@ -58,7 +64,9 @@ class InflationLayer:
 
     def advance(self, below: NDArray[np.uint8], box: Box, changed: Box) -> None:
         """Take over the layers below, uint8 (H, W), within a box; `changed` (4,) grows by the cells whose costs changed."""
-        if box[0] < box[1]:
+        if box[0] < box[1] and self._reach > _LARGEST_REACH:
+            self.recompute(below, changed)
+        elif box[0] < box[1]:
             kernels.advance(
                 below, box, self._template, self._least, self.base, self.decay, self.costs, self._stale, self._lost, changed
             )  # fmt: skip
@@ -66,14 +74,20 @@ class InflationLayer:
     def recompute(self, below: NDArray[np.uint8], changed: Box) -> None:
         """Take over the layers below everywhere and inflate them from nothing."""
         self.base[...] = below
-        kernels.recompute(self._template, self._least, self.base, self.decay, self.costs, changed)
+        if self._reach > _LARGEST_REACH:
+            squared = squared_distance(below == LETHAL)
+            near = (squared >= 0) & (squared <= self._reach**2)
+            self.decay[...] = 0
+            self.decay[near] = self._table[squared[near]]
+        else:
+            kernels.restart(self._template, self.base, self.decay)
+        height, width = self.base.shape
+        everything = np.array([0, height, 0, width], dtype=np.int64)
+        kernels.mix(self.base, self.decay, self._least, everything, self.costs, changed)
 
 
-def _template(reach: int, resolution_m: float, inscribed_m: float, factor: float) -> NDArray[np.uint8]:
+def _template(reach: int, table: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return uint8 (2R + 1, 2R + 1), the cost that an obstacle in its middle gives to the cells around."""
-    if reach == 0:
-        return np.full((1, 1), LETHAL, dtype=np.uint8)
-    table = cost_by_squared_distance(reach, resolution_m, inscribed_m, factor)
     along = np.arange(-reach, reach + 1, dtype=np.int64) ** 2
     squared = along[:, None] + along[None, :]
     template = np.zeros(squared.shape, dtype=np.uint8)

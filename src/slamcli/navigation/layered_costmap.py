@@ -21,6 +21,7 @@ from slamcli.navigation.layered_parameters import CostmapName, LayeredParameters
 from slamcli.navigation.observation import Observation
 from slamcli.navigation.obstacle_layer import ObstacleLayer
 from slamcli.navigation.static_layer import StaticLayer
+from slamcli.navigation.voxel_layer import VoxelLayer
 
 COSTMAP_2D_INFLATION_RADIUS_M = 0.55
 
@@ -58,7 +59,7 @@ class LayeredCostmap:
         self._static = self._static_layer(static)
         self._extent = self._first_extent()
         self._obstacles = [
-            ObstacleLayer(layer, self._extent, self._default)
+            (VoxelLayer if layer.kind == "voxel" else ObstacleLayer)(layer, self._extent, self._default)
             for layer in parameters.layers
             if layer.kind in ("obstacle", "voxel")
         ]

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +15,13 @@ from slamcli.navigation import live_endpoints as ends
 from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.costmap import LETHAL, NO_INFORMATION
 from slamcli.navigation.endpoints import NoPathError
-from slamcli.navigation.grid_search import GridSearch
-from slamcli.navigation.navfn import NavFn
-from slamcli.navigation.path_shape import anchored, distinct, headings, line_integral, simplify
+from slamcli.navigation.path_shape import dense, headings, line_integral
+from slamcli.navigation.planner_methods import METHODS, Method, Search, line_through, make_search
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import SearchGrid, UnreachableError
 
-LiveMethod = Literal["navfn", "dijkstra", "astar"]
-LIVE_METHODS: tuple[LiveMethod, ...] = ("navfn", "dijkstra", "astar")
+_SPACING_CELLS = 1.5
+"""Points of a path are no farther apart: a diagonal step stays one."""
 _Candidates = Callable[[SearchGrid], Iterator[ends.LiveEndpoint]]
 
 
@@ -32,7 +30,7 @@ class LivePath:
     """A path in the frame of the costmap it was planned on."""
 
     points_m: NDArray[np.float64]
-    """float64 (N, 2), x and y in metres, from the start to the goal, N >= 2."""
+    """float64 (N, 2), x and y in metres, from the start to the goal, at most 1.5 cells apart, N >= 2."""
     yaws_rad: NDArray[np.float64]
     """float64 (N,)."""
     length_m: float
@@ -42,7 +40,7 @@ class LivePath:
     """Distance of the path's end from the goal that was asked for (default_tolerance, make_plan)."""
     through_unknown: bool
     """Whether unknown cells were allowed (with allow_unknown auto: no way through known cells exists)."""
-    method: LiveMethod
+    method: Method
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -61,16 +59,16 @@ class LivePlanner:
     parameters
         How to plan.
     method
-        navfn, dijkstra or astar.
+        navfn, dijkstra, astar or theta_star.
     """
 
-    def __init__(self, parameters: PlannerParameters | None = None, method: LiveMethod = "navfn") -> None:
-        if method not in LIVE_METHODS:
-            raise PlanningError(f"no planner {method!r}: choose one of {', '.join(LIVE_METHODS)}")
+    def __init__(self, parameters: PlannerParameters | None = None, method: Method = "navfn") -> None:
+        if method not in METHODS:
+            raise PlanningError(f"no planner {method!r}: choose one of {', '.join(METHODS)}")
         self.parameters = parameters or PlannerParameters()
         self.method = method
         self._levels = np.empty((0, 0), dtype=np.uint8)
-        self._searches: dict[bool, tuple[SearchGrid, NavFn | GridSearch]] = {}
+        self._searches: dict[bool, tuple[SearchGrid, Search]] = {}
 
     def plan(self, window: CostWindow, start: Sequence[float], goal: Sequence[float]) -> LivePath:
         """Return the path from `start` to `goal`, each x, y, yaw in the window's frame.
@@ -133,11 +131,10 @@ class LivePlanner:
             self._searches = {}
         self._levels[1:-1, 1:-1] = window.costs
 
-    def _search(self, allow_unknown: bool) -> tuple[SearchGrid, NavFn | GridSearch]:
+    def _search(self, allow_unknown: bool) -> tuple[SearchGrid, Search]:
         if allow_unknown not in self._searches:
             grid = SearchGrid.over(self._levels, self.parameters, allow_unknown=allow_unknown)
-            search = NavFn(grid) if self.method == "navfn" else GridSearch(grid, guided=self.method == "astar")
-            self._searches[allow_unknown] = grid, search
+            self._searches[allow_unknown] = grid, make_search(self.method, grid)
         return self._searches[allow_unknown]
 
     def _plan(
@@ -200,16 +197,10 @@ class LivePlanner:
     ) -> LivePath:
         cells, cost = found
         source, target = endpoints
-        if self.method == "navfn":
-            path = np.vstack([source.point_rc, cells[1:-1], target.point_rc])
-        else:
-            path = anchored(cells, source.point_rc, target.point_rc)
-        path = distinct(path)
-        if self.parameters.simplify:
-            path = simplify(grid, path)
+        path = line_through(self.method, grid, cells, source.point_rc, target.point_rc)
         if not math.isfinite(line_integral(grid, path)):
             raise PlanningError(f"the {self.method} path to {ends.show(goal)} touches an obstacle: please report this")
-        points = (path[:, ::-1] + 0.5) * window.resolution_m + np.array(window.origin_m)
+        points = (dense(path, _SPACING_CELLS)[:, ::-1] + 0.5) * window.resolution_m + np.array(window.origin_m)
         points[0], points[-1] = source.point_m, target.point_m
         yaws = headings(
             points,

@@ -29,7 +29,8 @@ class ShortestField:
     """Lengths of the shortest paths for the inflated robot from one start to any goal.
 
     A path may use every point of a cell below 253 (and of unknown cells with `allow_unknown`), touch the edges of others, and
-    turn anywhere: costs do not matter. It is Theta* over the corners of cells (Nash et al. 2007) without a goal and with
+    turn anywhere: costs do not matter. No straight line slips between two blocked cells that touch by their corners,
+    but a path that turns in that very corner does, which planners may not: there lengths are too short, never too long. It is Theta* over the corners of cells (Nash et al. 2007) without a goal and with
     corners taken up again when they get nearer: each length belongs to a path that exists, so it is never below the optimum.
     Held against visibility graphs in the tests: equal on inflated maps (0.1 % at most), up to 3 % above it in clutter of
     single cells.

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,8 +119,16 @@ class FreeSpace:
         )
         h, w = self._coarse.cells.shape
         self._room = self.distance_m[: 2 * h, : 2 * w].reshape(h, 2, w, 2).min(axis=(1, 3))
-        self._graph = _graph(self._room, clearance_m)
         self._areas, _ = ndimage.label(self._room >= clearance_m, structure=np.ones((3, 3)))
+
+    @cached_property
+    def _graph(self) -> sparse.csr_matrix:
+        return _graph(self._room, self.clearance_m)
+
+    @property
+    def cells(self) -> tuple[Array, NDArray[np.int32], tuple[float, float, float]]:
+        """Room (H, W) in metres and connected area (H, W; 0: too narrow) of coarse cells, and x, y and size of the grid."""
+        return self._room, self._areas, (*self._coarse.origin[:2], self._coarse.resolution_m)
 
     def room(self, points: Array) -> Array:
         """Return the distance (N,) of points (N, 2) to the nearest wall, metres (0 outside), to about a cell."""
@@ -131,7 +140,7 @@ class FreeSpace:
 
     def places(self, start: Array) -> Array:
         """Return the centres (N, 2) of all coarse cells that can be reached from `start` (2,)."""
-        row, column = self._nearest(start, "the start")
+        row, column = self.nearest(start, "the start")
         return self._coarse.cell_to_map(np.argwhere(self._areas == self._areas[row, column]))
 
     def roomiest(self) -> Array:
@@ -159,7 +168,7 @@ class FreeSpace:
         PlanningError
             If there is none, or `start` or `goal` is in a wall; the message says where.
         """
-        here, there = self._nearest(start, "the start"), self._nearest(goal, "the goal")
+        here, there = self.nearest(start, "the start"), self.nearest(goal, "the goal")
         width = self._coarse.width
         origin, target = here[0] * width + here[1], there[0] * width + there[1]
         if self._areas[here] != self._areas[there]:
@@ -189,7 +198,7 @@ class FreeSpace:
             i = step
         return way[kept]
 
-    def _nearest(self, point: Array, what: str) -> tuple[int, int]:
+    def nearest(self, point: Array, what: str) -> tuple[int, int]:
         """Return the drivable coarse cell within 0.5 m of `point` that is nearest to it."""
         row, column = self._coarse.map_to_cell(point)[0]
         reach = math.ceil(0.5 / self._coarse.resolution_m)

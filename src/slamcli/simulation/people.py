@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 STEP_S = 0.05
 BODY_RADIUS_M = 0.22
 LEG_RADIUS_M = 0.06
-_LEGS_APART_M = 0.22
+LEGS_APART_M = 0.22
 _HIP_M = 0.8
 _TALL_M = 1.75
-_STRIDE_M = 0.7  # half a cycle of one leg: the way per step
+STRIDE_M = 0.7  # half a cycle of one leg: the way per step
 _ROOM_M = 0.3
 _WAIT_BEFORE_ROBOT_M = 0.9
 _STEP_ASIDE_M = 0.25
@@ -88,8 +88,8 @@ class Crowd:
         length = np.hypot(ahead[:, 0], ahead[:, 1])[:, None]
         forward = np.where(length > 1e-3, ahead / np.maximum(length, 1e-3), [1.0, 0.0])
         left = np.column_stack([-forward[:, 1], forward[:, 0]])
-        swing = 0.5 * _STRIDE_M * 0.6 * np.sin(math.pi * here[:, 2:] / _STRIDE_M)
-        leg = left * _LEGS_APART_M / 2 + forward * swing
+        swing = 0.5 * STRIDE_M * 0.6 * np.sin(math.pi * here[:, 2:] / STRIDE_M)
+        leg = left * LEGS_APART_M / 2 + forward * swing
         return np.stack([here[:, :2] + leg, here[:, :2] - leg], axis=1).reshape(-1, 2)
 
 

@@ -58,3 +58,16 @@ class RobotParameters(CameraParameters):
         "slip.drift", 0.0, "1", "Standard deviation of told over true motion, minus 1, that comes and goes.", 0.0, 1.0
     )
     slip_drift_time: float = number("slip.drift_time", 2.0, "s", "How slowly it comes and goes.", 0.02, 1e4)
+
+    people_model: str = parameter(
+        "social_force",
+        "How people walk beside a robot that obeys velocities: giving way to all, or on their ways, waiting for the robot.",
+        name="people.model",
+        choices=("social_force", "routes"),
+    )
+    carts_count: int = parameter(
+        0, "Carts that come, stand somewhere for a while, and go (robots that obey velocities).", name="carts.count",
+        minimum=0, maximum=200,
+    )  # fmt: skip
+    carts_stay: float = number("carts.stay", 20.0, "s", "How long a cart stands on average.", 0.1, 1e6)
+    carts_away: float = number("carts.away", 10.0, "s", "How long it is away on average.", 0.1, 1e6)

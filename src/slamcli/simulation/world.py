@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -26,6 +27,23 @@ class Walker:
     points: NDArray[np.float64]
     """float64 (N, 2), metres, map frame, N >= 2."""
     speed_m_s: float = 0.9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cart:
+    """A box or disc that comes at a time, stands or moves to and fro along its points, and goes."""
+
+    points: NDArray[np.float64]
+    """float64 (N, 2), metres, map frame; one point: it stands."""
+    size_m: tuple[float, float] = (0.8, 0.5)
+    """Length and width of a box."""
+    radius_m: float = 0.0
+    """Of a disc (its size is (0, 0) then)."""
+    yaw_rad: float = 0.0
+    """Heading of a box that stands; one that moves heads where it goes."""
+    speed_m_s: float = 0.5
+    appears_s: float = 0.0
+    leaves_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +79,8 @@ class World:
     rounds: int = 1
     """How often the waypoints are driven through."""
     walkers: tuple[Walker, ...] = ()
+    carts: tuple[Cart, ...] = ()
+    """Seen and met by robots that obey velocities (`slamcli.simulation.plant`)."""
     path: CarriedPath | None = None
     """Where a carried rig flies, instead of a robot that drives."""
     relief: Relief | None = None

@@ -18,7 +18,7 @@ from slamcli.trajectory import Trajectory
 
 _FREE = np.array([255.0, 255.0, 255.0])
 _WALL = np.array([24.0, 26.0, 32.0])
-_UNKNOWN = (208, 214, 222)  # bluish, so that no occupancy between free and wall looks like it
+UNKNOWN_COLOUR = (208, 214, 222)  # bluish, so that no occupancy between free and wall looks like it
 
 
 def map_image(
@@ -63,7 +63,7 @@ def map_image(
     """
     lines = _overlays(trajectory, truth, path, start, goal)
     view = _choose_view(grid, lines, max(16, max_pixels))
-    picture = _paint_cells(grid, view)
+    picture = paint_cells(grid, view)
     thin = plane.line_width(picture)
     if truth is not None:
         raster.stroke(picture, view.pixels(truth.positions_m[:, :2]), scales.GREEN, thin * 2.2, opacity=0.55)
@@ -90,7 +90,7 @@ def map_layer(grid: OccupancyGrid, points_m: NDArray[np.float64], max_pixels: in
     `points_m`, float64 (N, 2), metres, map frame, is what the view has to hold besides the known cells.
     """
     view = _choose_view(grid, points_m[np.isfinite(points_m).all(axis=1)], max_pixels)
-    return _paint_cells(grid, view), view
+    return paint_cells(grid, view), view
 
 
 def _overlays(
@@ -140,8 +140,8 @@ def _known_outline(grid: OccupancyGrid) -> NDArray[np.float64]:
     return grid.cell_to_map(np.concatenate([np.column_stack(corner) for corner in corners]))
 
 
-def _paint_cells(grid: OccupancyGrid, view: View) -> NDArray[np.uint8]:
-    """Return the map's pixels uint8 (H, W, 3)."""
+def paint_cells(grid: OccupancyGrid, view: View) -> NDArray[np.uint8]:
+    """Return the map's pixels uint8 (H, W, 3): shades of grey from free to occupied, bluish where unknown."""
     pool = max(1, round(view.metres_per_px / grid.resolution_m))
     cells = _max_pool(grid.cells, pool)
     block = pool * grid.resolution_m
@@ -192,7 +192,7 @@ def _shades() -> NDArray[np.uint8]:
     value = np.arange(256).astype(np.uint8).view(np.int8).astype(np.float64)
     share = np.clip(value / OccupancyGrid.OCCUPIED, 0.0, 1.0)[:, None]
     table = np.round(_FREE + (_WALL - _FREE) * share).astype(np.uint8)
-    table[value < 0] = _UNKNOWN
+    table[value < 0] = UNKNOWN_COLOUR
     return table
 
 

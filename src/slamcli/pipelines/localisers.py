@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: MIT
+"""Who tells a closed loop where the robot is: AMCL, SLAM as it goes, or the truth."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.geometry import se2
+from slamcli.grids import OccupancyGrid
+from slamcli.localization.amcl import Amcl
+from slamcli.mapper import LiveMapper
+from slamcli.measurements import LaserScan, Odometry
+
+Array = NDArray[np.float64]
+_NO_PARTICLES: Array = np.zeros((0, 3))
+
+
+class Localiser(Protocol):
+    """Takes what the robot measured, in the order of time, and knows the correction of odometry."""
+
+    @property
+    def T_map_odom(self) -> Array:  # noqa: N802 - frames as everywhere
+        """float64 (3,)."""
+
+    def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:
+        """Take what the wheels told; `true_pose` (3,) is for those that may look at it."""
+
+    def on_scan(self, scan: LaserScan, pose_odom: Array, T_base_laser: Array) -> bool:
+        """Take a scan, made at odometry's `pose_odom` (3,); return whether the correction is a new one."""
+
+    @property
+    def covariance(self) -> Array:
+        """float64 (3, 3) of the pose in map."""
+
+    @property
+    def particles(self) -> Array:
+        """float64 (N, 3), poses in map; N may be 0."""
+
+    def new_map(self) -> OccupancyGrid | None:
+        """Return the map if there is a newer one than at the last call, else None."""
+
+
+class TrueLocaliser:
+    """Knows the truth.
+
+    Parameters
+    ----------
+    start
+        float64 (3,): the robot in the map when odometry is at its origin.
+    """
+
+    def __init__(self, start: Array) -> None:
+        self.T_map_odom: Array = start
+        self.covariance: Array = np.zeros((3, 3))
+        self.particles = _NO_PARTICLES
+
+    def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:  # noqa: ARG002
+        """Look at the truth."""
+        self.T_map_odom = se2.compose(true_pose, se2.inverse(pose_odom))
+
+    def on_scan(self, scan: LaserScan, pose_odom: Array, T_base_laser: Array) -> bool:  # noqa: ARG002
+        """Report the correction with every scan."""
+        return True
+
+    def new_map(self) -> OccupancyGrid | None:
+        """Return None."""
+        return None
+
+
+class AmclLocaliser:
+    """Adaptive Monte Carlo Localization on the map."""
+
+    def __init__(self, amcl: Amcl) -> None:
+        self.amcl = amcl
+
+    @property
+    def T_map_odom(self) -> Array:  # noqa: N802 - frames as everywhere
+        """float64 (3,)."""
+        return self.amcl.T_map_odom
+
+    @property
+    def covariance(self) -> Array:
+        """float64 (3, 3) of the pose in map."""
+        return self.amcl.covariance
+
+    @property
+    def particles(self) -> Array:
+        """float64 (N, 3), poses in map."""
+        return self.amcl.particles
+
+    def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:
+        """Wait for the scan."""
+
+    def on_scan(self, scan: LaserScan, pose_odom: Array, T_base_laser: Array) -> bool:
+        """Filter, if the robot has moved enough."""
+        return self.amcl.update(pose_odom, scan, T_base_laser)
+
+    def new_map(self) -> OccupancyGrid | None:
+        """Return None: the map stays as it is."""
+        return None
+
+
+class SlamLocaliser:
+    """A tier that maps while the robot drives.
+
+    Parameters
+    ----------
+    mapper
+        The tier.
+    T_world_start
+        float64 (3,): where the map's origin, the robot's first pose, is in the frame that goals are given in.
+    map_period_s
+        How often the map is drawn anew.
+    """
+
+    def __init__(self, mapper: LiveMapper, map_period_s: float) -> None:
+        self.mapper = mapper
+        self.covariance: Array = np.zeros((3, 3))
+        self.particles = _NO_PARTICLES
+        self._period_s = map_period_s
+        self._drawn_s = -np.inf
+        self._now_s = 0.0
+        self._fresh = False
+
+    @property
+    def T_map_odom(self) -> Array:  # noqa: N802 - frames as everywhere
+        """float64 (3,)."""
+        return self.mapper.T_map_odom
+
+    def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:  # noqa: ARG002
+        """Hand it on."""
+        self.mapper.process(odometry)
+
+    def on_scan(self, scan: LaserScan, pose_odom: Array, T_base_laser: Array) -> bool:  # noqa: ARG002
+        """Hand it on."""
+        self.mapper.process(scan)
+        self._now_s = scan.stamp_ns / 1e9
+        self._fresh = True
+        return True
+
+    def new_map(self) -> OccupancyGrid | None:
+        """Return the map, drawn anew, once in every period."""
+        if not self._fresh or self._now_s < self._drawn_s + self._period_s - 1e-6:
+            return None
+        self._fresh, self._drawn_s = False, self._now_s
+        return self.mapper.grid()
