@@ -24,6 +24,8 @@ _UNDECIDED_SHARE, _DECIDED_WEIGHT = 0.1, 0.8
 """While no group of scattered particles has so much weight, this share goes on being drawn from the scan."""
 _LEAST_SHARE, _CLEARLY_BETTER = 0.02, 0.05
 """Particles are not drawn elsewhere for less than this share, or where the scan does not fit better by so much."""
+_MOST_VAIN = 4
+"""Searches in vain double the pause between them, at most so often: people around the robot are no reason to search at each scan."""
 _LONGEST_STEP_S = 0.5
 """Scans farther apart do not tell how fast the robot is."""
 
@@ -86,6 +88,16 @@ class Amcl:
     def weights(self) -> Array:
         """float64 (N,), their weights, which sum to 1."""
         return self._weights.copy()
+
+    @property
+    def num_particles(self) -> int:
+        """How many particles there are."""
+        return len(self._poses)
+
+    @property
+    def fit(self) -> float:
+        """How well the last scan used lies on walls at the pose told: 1 if all its readings do, 0 if none or none was used."""
+        return self._fit
 
     @property
     def converged(self) -> bool:
@@ -189,7 +201,7 @@ class Amcl:
     def _start(self, poses: Array) -> None:
         self._poses, self._weights = poses, np.full(len(poses), 1.0 / len(poses))
         self._averages.clear()
-        self._fit = 0.0
+        self._fit, self._pause, self._vain = 0.0, 0, 0
         self._filtered_odom, self._num_used, self._scattered = None, 0, False
         self._tell()
 
@@ -219,10 +231,16 @@ class Amcl:
                 self._averages.clear()
             return share, self._laser.map.random_poses(p.max_particles if share > 0.0 else 0, self._rng)
         share = max(share, _UNDECIDED_SHARE) if self._scattered else share
-        if share < _LEAST_SHARE or not tells_enough(points):
+        if share < _LEAST_SHARE:
+            self._pause = self._vain = 0
+        self._pause = max(self._pause - 1, 0)
+        if share < _LEAST_SHARE or self._pause or not tells_enough(points):
             return 0.0, np.empty((0, 3))
         better_than = 0.0 if self._scattered else self._fit + _CLEARLY_BETTER
-        return share, draw_near_candidates(self._laser.map, points, better_than, p, self._rng)
+        others = draw_near_candidates(self._laser.map, points, better_than, p, self._rng)
+        self._vain = 0 if len(others) else min(self._vain + 1, _MOST_VAIN)
+        self._pause = 2**self._vain - 1
+        return share, others
 
     def _gather(self, points: Array) -> None:
         """Put most of the scattered particles to where the first scan fits."""
