@@ -109,8 +109,8 @@ def roll_out(pose, twist, sample, acc, rollout, goal, accelerate, points):
     """Write a motion, float64 (N, 5): x, y, yaw, its cosine and sine; return N, 0 for none.
 
     The first point is the pose itself; the place after the whole of sim_time is not among them, as in base_local_planner.
-    `goal` is x, y and a radius: motions end where they are nearest to it once they are within the radius (negative: they
-    do not).
+    `goal` is x, y, a radius and a time: motions end so long after they come within the radius, apart from the time that
+    braking takes (negative radius: they do not).
     """
     speed = math.hypot(sample[0], sample[1])
     steps = math.ceil(max(speed * rollout[0] / rollout[1], abs(sample[2]) * rollout[0] / rollout[2]))
@@ -126,13 +126,13 @@ def roll_out(pose, twist, sample, acc, rollout, goal, accelerate, points):
         w = towards(sample[2], twist[2], acc[2] * dt)
     cosine, sine = math.cos(yaw), math.sin(yaw)
     cosine_step, sine_step = math.cos(w * dt), math.sin(w * dt)
-    nearest = np.inf
+    end = steps
     for i in range(steps):
-        if goal[2] >= 0.0:
-            away = math.hypot(goal[0] - x, goal[1] - y)
-            if i > 0 and nearest <= goal[2] and away > nearest:
-                return i
-            nearest = away
+        if i >= end:
+            return i
+        if end == steps and math.hypot(goal[0] - x, goal[1] - y) <= goal[2]:
+            braking = 0.5 * speed / max(acc[0], acc[1], 1e-3)
+            end = min(steps, i + 1 + math.ceil((goal[3] + braking) / dt))
         points[i, 0], points[i, 1], points[i, 2], points[i, 3], points[i, 4] = x, y, yaw, cosine, sine
         if accelerate:
             vx = towards(sample[0], vx, acc[0] * dt)

@@ -28,6 +28,8 @@ REASONS = {
     int(kernels.PRUNED): "cost more than the best one",
 }
 """Why a motion is out, by its total."""
+_WITHIN = 0.8
+_REACTION_S = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,8 +93,8 @@ class DwaScoring:
         """
         self._fit(costmap)
         self._costmap = costmap
-        radius = self._parameters.xy_goal_tolerance if ends and self._parameters.stop_at_goal else -1.0
-        self._goal = np.array([plan[-1, 0], plan[-1, 1], radius])
+        radius = _WITHIN * self._parameters.xy_goal_tolerance if ends and self._parameters.stop_at_goal else -1.0
+        self._goal = np.array([plan[-1, 0], plan[-1, 1], radius, _REACTION_S])
         parameters = self._parameters
         growth = 1.0 + float(self._growth[1])
         self._reach = math.ceil(costmap.circumscribed_radius_m * growth / costmap.resolution_m) + 1

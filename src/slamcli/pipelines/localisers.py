@@ -44,10 +44,16 @@ class Localiser(Protocol):
 
 
 class TrueLocaliser:
-    """Knows the truth."""
+    """Knows the truth.
 
-    def __init__(self) -> None:
-        self.T_map_odom: Array = np.zeros(3)
+    Parameters
+    ----------
+    start
+        float64 (3,): the robot in the map when odometry is at its origin.
+    """
+
+    def __init__(self, start: Array) -> None:
+        self.T_map_odom: Array = start
         self.covariance: Array = np.zeros((3, 3))
         self.particles = _NO_PARTICLES
 

@@ -125,6 +125,7 @@ class Navigator:
             world=LayeredCostmap(config.global_costmap, name="global", static=self.grid),
             local=LayeredCostmap(config.local_costmap, name="local"),
         )
+        costmaps.world.update(pose)
         window = costmaps.world.window()
         radius = max(window.inscribed_radius_m - max(config.global_costmap.costmap.footprint_padding, 0.0), 0.02)
         settings = resolve_settings(
@@ -133,7 +134,7 @@ class Navigator:
         self._known = _KnownMap(config, window)
         self._check_start(pose)
         self.plant = Plant(place, settings, start=pose, seed=seed)
-        localiser: Localiser = TrueLocaliser()
+        localiser: Localiser = TrueLocaliser(pose)
         if localization == "amcl":
             amcl = Amcl(config.amcl, self.grid, seed=seed)
             amcl.set_pose(pose, None)

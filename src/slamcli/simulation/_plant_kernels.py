@@ -2,7 +2,8 @@
 """Kernels of a robot that obeys velocities among walls and things that move; see `slamcli.simulation.plant`.
 
 Every obstacle is a rounded box: x, y, cos, sin, half length, half width, radius. A wall has half width 0, a disc no
-length either. The body is an outline (N, 2) with a radius around it; one point makes a disc.
+length either. The body is an outline (N, 2) with a radius around it; one point makes a disc. A tick and the gaps it
+measures are one file, as a kernel calls helpers of its own file only.
 """
 
 import math
@@ -210,7 +211,7 @@ def _tell(state, dx, dy, turn, told, draws, slip_draws, moving, tick, counters):
     along = dx * share + draws[0] * math.sqrt(told[0] ** 2 * distance + told[2] ** 2 * bend)
     across = dy * share
     angle = turn * turn_share + told[6] * distance
-    state[10], state[11], state[12] = dx * share / tick, across / tick, angle / tick
+    state[10], state[11], state[12] = state[3] * share, state[4] * share, angle / tick
     angle += draws[1] * math.sqrt(told[1] ** 2 * distance + told[3] ** 2 * bend)
     c, s = math.cos(state[9]), math.sin(state[9])
     state[7] += c * along - s * across
@@ -272,11 +273,11 @@ def advance(
                     if not touching[0] and found < events.shape[0]:
                         events[found, 0], events[found, 1] = counters[0], -1
                         events[found, 2], events[found, 3], events[found, 4] = state[0], state[1], speed
-                        events[found, 5] = speed
+                        events[found, 5] = speed + abs(state[5]) * (around - radius)
                         found += 1
                     touching[0] = 1
                 state[15] = 0.0
-            if touching[0] and now > _TOUCH_ENDS:
+            if touching[0] and not stopped and now > _TOUCH_ENDS:
                 touching[0] = 0
         for i in range(movers.shape[0]):
             box = movers[i]
@@ -301,8 +302,17 @@ def advance(
                 then = _box_gap(outline, radius, state[0], state[1], math.cos(yaw), math.sin(yaw), box, placed)
                 held = held or then < now - 1e-12
         if stopped:
-            dx, dy, state[3], state[4] = 0.0, 0.0, 0.0, 0.0
-            x, y = state[0], state[1]
+            part = 0.0
+            if touching[0] and step > 2e-3:  # a long last step goes on until the walls are reached
+                for i in range(1, 7):
+                    further = part + 0.5**i
+                    ax, ay = state[0] + further * (x - state[0]), state[1] + further * (y - state[1])
+                    if wall_gap(outline, radius, ax, ay, state[2], field, frame, shapes, _LOOK, placed) > 0.0 and (
+                        mover_gap(outline, radius, ax, ay, state[2], movers, placed) > 0.0
+                    ):
+                        part = further
+            dx, dy, state[3], state[4] = part * dx, part * dy, 0.0, 0.0
+            x, y = state[0] + part * (x - state[0]), state[1] + part * (y - state[1])
             if held:
                 yaw, turn, state[5] = state[2], 0.0, 0.0
         state[0], state[1], state[2] = x, y, yaw
