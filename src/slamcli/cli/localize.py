@@ -49,7 +49,7 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--begin", "begin_s", type=float, metavar="SECONDS", help="Begin this long after the recording's start.")
 @click.option("--duration", "duration_s", type=float, metavar="SECONDS", help="Use this much of the recording.")
 @click.option("--ref", "reference", metavar="TRAJECTORY", help="True trajectory in the map's frame, or another localiser's (file, or BAG:/topic): its errors go into the report.")  # fmt: skip
-@click.option("--ref-align", "reference_align", type=click.Choice(["none", "se3", "origin"]), default="none", show_default=True, help="How the result is laid on --ref first, where that has a frame of its own.")  # fmt: skip
+@click.option("--ref-align", "reference_align", type=click.Choice(["none", "se3", "sim3", "origin"]), default="none", show_default=True, help="How the result is laid on --ref first, where that has a frame (sim3: a scale, too) of its own.")  # fmt: skip
 @click.option("--list-settings", is_flag=True, is_eager=True, expose_value=False, callback=_list_settings, help="Explain every parameter.")  # fmt: skip
 @seed_option
 @recording_options

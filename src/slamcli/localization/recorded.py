@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from slamcli.localization.amcl import Amcl
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.mapper import InputPlan, MappingResult, SensorOffer, Setup
 from slamcli.measurements import LaserScan, Measurement, Odometry
+from slamcli.registration.laser_odometry import tells_sweep
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 from slamcli.trajectory.clocks import align_clocks
@@ -58,7 +59,9 @@ class RecordedAmcl:
             raise DataError("no laser scan was read: name the topic with --scan-topic, or widen --begin and --duration")
         stamps, wheels = self._clocks()
         odometry = wheels.at(stamps)
-        amcl = Amcl(self._parameters, self._grid, seed=self._setup.seed)
+        sweep_s = max(abs(scan.time_increment_s) * max(scan.num_beams - 1, 0) for scan in self._scans)
+        deskew = self._parameters.deskew and tells_sweep(stamps, sweep_s, self._setup.log)
+        amcl = Amcl(replace(self._parameters, deskew=deskew), self._grid, seed=self._setup.seed)
         if self._start is not None:
             amcl.set_pose(self._start)
         if self._everywhere:

@@ -108,7 +108,7 @@ def run_localize(request: LocalizeRequest, log: RunLog) -> Localized:
     inputs = describe_inputs([*request.inputs, request.map])
     with atomic_directory(output) as folder:
         with log.stage("write"):
-            written = write_localization(folder, result, covariances, score)
+            written = write_localization(folder, result, covariances, score, log)
         summary = {**result.summary, "path_length_m": result.trajectory.length_m, "poses": len(result.trajectory)}
         if score is not None:
             summary |= {"truth": score.figures() | after_convergence(score)}

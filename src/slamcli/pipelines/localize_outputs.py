@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.evaluation import AlignMode
 from slamcli.formats.trajectories import write_tum
 from slamcli.mapper import MappingResult
 from slamcli.parameters import Declaration
 from slamcli.pipelines.run_record import step_columns, to_json
 from slamcli.pipelines.trajectory_score import TrajectoryScore
+from slamcli.pipelines.view_alignment import laid_over
 from slamcli.reports.figures import map_png
 from slamcli.reports.html import report
+from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
 RECORDS = ("report.html", "run.json")
@@ -35,12 +38,18 @@ class Written:
 
 
 def write_localization(
-    folder: Path, result: MappingResult, covariances: NDArray[np.float64], score: TrajectoryScore | None
+    folder: Path,
+    result: MappingResult,
+    covariances: NDArray[np.float64],
+    score: TrajectoryScore | None,
+    log: RunLog,
 ) -> Written:
     """Write ``trajectory.tum``, ``poses.csv`` and ``map.png`` into `folder`."""
     write_tum(folder / "trajectory.tum", result.trajectory)
     _write_poses(folder / "poses.csv", result, covariances)
     truth = None if score is None else score.reference
+    if score is not None and score.options.align is not AlignMode.NONE:
+        truth = laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]
     picture = b"" if result.grid is None else map_png(result.grid, trajectory=result.trajectory, truth=truth)
     (folder / "map.png").write_bytes(picture)
     return Written(names=("trajectory.tum", "poses.csv", "map.png"), map_image=picture, truth=truth)
