@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Kernels: people who walk by a social-force model; see `slamcli.simulation.social_force`.
 
-A person is a row of 16: x, y, vx, vy, preferred speed, way walked, facing x and y, goal x and y, radius of arrival,
-seconds without progress, least cost to the goal so far, side preferred (+1 or -1), and two to spare.
+A person is a row of 13: x, y, vx, vy, preferred speed, way walked, facing x and y, goal x and y, radius of arrival,
+seconds without progress, and least cost to the goal so far.
 """
 
 import math
@@ -15,6 +15,7 @@ _A = 4.5  # m/s^2
 _GAMMA = 0.35
 _N_SIDE, _N_AHEAD = 2.0, 3.0
 _LAMBDA = 2.0
+_PREFERS = 0.005  # rad/m: the side that is preferred
 _WALL_A, _WALL_B = 3.0, 0.1
 _SEES = 4.0  # m
 _MOST_FORCE = 6.0  # m/s^2: nobody reacts harder
@@ -79,11 +80,11 @@ def _nearest_on_box(box, x, y):
 
 
 @njit(cache=True, nogil=True)
-def _interaction(gx, gy, vx, vy, ux, uy, extra, side, force):
+def _interaction(gx, gy, vx, vy, ux, uy, extra, force):
     """Add to `force` (2,) how a person at (0, 0) with velocity v gives way to somebody at g with velocity u.
 
     Moussaid et al. 2009, eqs 5 to 8: slowing down along the direction of interaction t and turning aside of it. `extra`
-    is how much larger than a person the other is; `side` breaks the tie of a head-on meeting.
+    is how much larger than a person the other is. Everybody gives way to the right where both sides are equal.
     """
     centre = math.hypot(gx, gy)
     distance = max(centre - extra, 0.05)
@@ -96,9 +97,7 @@ def _interaction(gx, gy, vx, vy, ux, uy, extra, side, force):
         return
     tx, ty = ix / size, iy / size
     b = _GAMMA * size
-    theta = math.atan2(tx * ey - ty * ex, tx * ex + ty * ey)
-    if abs(theta) < 1e-3:
-        theta = side * 1e-3
+    theta = math.atan2(tx * ey - ty * ex, tx * ex + ty * ey) + _PREFERS * b
     slow = -_A * math.exp(-distance / b - (_N_AHEAD * b * theta) ** 2)
     turn = -_A * math.copysign(1.0, theta) * math.exp(-distance / b - (_N_SIDE * b * theta) ** 2)
     force[0] += slow * tx - turn * ty
@@ -214,15 +213,15 @@ def walk(
                 gx, gy = before[j, 0] - x, before[j, 1] - y
                 if abs(gx) > _SEES or abs(gy) > _SEES:
                     continue
-                _interaction(gx, gy, vx, vy, before[j, 2], before[j, 3], 0.0, me[13], force)
+                _interaction(gx, gy, vx, vy, before[j, 2], before[j, 3], 0.0, force)
                 far = math.hypot(gx, gy)
                 if 1e-6 < far < 2.0 * radius:
                     force[0] -= _PUSH * (2.0 * radius - far) * gx / far
                     force[1] -= _PUSH * (2.0 * radius - far) * gy / far
-            _interaction(qx - x, qy - y, vx, vy, robot[3], robot[4], margin - radius, me[13], force)
+            _interaction(qx - x, qy - y, vx, vy, robot[3], robot[4], margin - radius, force)
             for j in range(carts.shape[0]):
                 px, py = _nearest_on_box(carts[j], x, y)
-                _interaction(px - x, py - y, vx, vy, carts[j, 7], carts[j, 8], carts[j, 6] - radius, me[13], force)
+                _interaction(px - x, py - y, vx, vy, carts[j, 7], carts[j, 8], carts[j, 6] - radius, force)
             _wall_force(room, field_frame, x, y, radius, force)
             size = math.hypot(force[0], force[1])
             if size > _MOST_FORCE:

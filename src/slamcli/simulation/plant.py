@@ -285,7 +285,9 @@ class Plant:
         return self._movers[self._traffic.present]
 
     def _since_step_s(self) -> float:
-        return int(self._counters[0]) % _STEP_TICKS * TICK_S
+        """Return how long ago people and carts last decided, at most a whole step: they decide anew when time goes on."""
+        now = int(self._counters[0])
+        return ((now - 1) % _STEP_TICKS + 1) * TICK_S if now else 0.0
 
 
 def _wrapped(pose: Array) -> Array:
