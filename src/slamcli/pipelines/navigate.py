@@ -125,7 +125,7 @@ class Navigator:
         pose = np.array([*start, 0.0][:3], dtype=np.float64)
         costmaps = CostmapPair(
             world=LayeredCostmap(config.global_costmap, name="global", static=self.grid),
-            local=LayeredCostmap(config.local_costmap, name="local"),
+            local=LayeredCostmap(config.local_costmap, name="local", static=self.grid),
         )
         costmaps.world.update(pose)
         window = costmaps.world.window()
