@@ -169,6 +169,7 @@ class ClosedLoop:
         grid = self.localiser.new_map()
         if grid is not None:
             self.costmaps.world.set_map(grid)
+            self.costmaps.local.set_map(grid)
             for listener in self.listeners:
                 listener.on_map(self.time_s, grid)
 
@@ -180,7 +181,7 @@ class ClosedLoop:
                 costmap.observe(observe_scan(scan, T_frame_laser, source, self.time_s, self.plant.parameters.laser_z))
 
     def _update_local(self) -> None:
-        self.costmaps.local.update(self._pose_odom, self.time_s)
+        self.costmaps.local.update(self._pose_odom, self.time_s, self.localiser.T_map_odom)
 
     def _update_global(self) -> None:
         self.costmaps.world.update(self.state.pose_map, self.time_s)

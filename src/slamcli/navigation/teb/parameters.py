@@ -162,3 +162,8 @@ class TebParameters:
     footprint_model: FootprintModel = group(FootprintModel(), separator="/")
     odom_topic: str = parameter("odom", "Accepted; no meaning offline.", effective=False)
     map_frame: str = parameter("odom", "Accepted; no meaning offline.", effective=False)
+
+    @property
+    def max_vel_x(self) -> float:
+        """The greatest speed ahead, m/s; every local planner's parameters have it."""
+        return self.robot.max_vel_x
