@@ -46,6 +46,8 @@ ROBOT_SETTINGS: Mapping[str, Any] = {
 }
 """What the simulated robot has unless the world or ``--set`` says otherwise: a scanner that looks all round."""
 
+_SHOWN_HZ = 2.0, 0.5
+"""How often listeners are told of the local and the global costmap where publish_frequency is 0: what is published is theirs to say."""
 Status = Literal["succeeded", "aborted", "timeout", "unreachable"]
 _STATUS: Mapping[Phase, Status] = {Phase.SUCCEEDED: "succeeded", Phase.ABORTED: "aborted"}
 
@@ -151,12 +153,17 @@ class Navigator:
             control=config.move_base.controller_frequency,
             local_costmap=config.local_costmap.costmap.update_frequency,
             global_costmap=config.global_costmap.costmap.update_frequency,
-            publish_local=config.local_costmap.costmap.publish_frequency,
-            publish_global=config.global_costmap.costmap.publish_frequency,
+            publish_local=config.local_costmap.costmap.publish_frequency or _SHOWN_HZ[0],
+            publish_global=config.global_costmap.costmap.publish_frequency or _SHOWN_HZ[1],
         )
         self.loop = ClosedLoop(self.plant, localiser, costmaps, self.move_base, rates, listeners)
         for listener in listeners:
             listener.on_map(0.0, self.grid)
+
+    def listen(self, listener: LoopListener) -> None:
+        """Tell a listener everything from now on, the map first."""
+        self.loop.listeners.append(listener)
+        listener.on_map(self.time_s, self.grid)
 
     @property
     def pose(self) -> Array:
