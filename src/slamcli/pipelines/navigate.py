@@ -50,6 +50,8 @@ ROBOT_SETTINGS: Mapping[str, Any] = {
 }
 """What the simulated robot has unless the world or ``--set`` says otherwise: a scanner that looks all round."""
 
+_SHOWN_HZ = 2.0, 0.5
+"""How often listeners are told of the local and the global costmap where publish_frequency is 0: what is published is theirs to say."""
 _FIRST_MAP_M = 10.0
 """Side of the unknown square that a robot without a map begins with."""
 _MAP_PERIOD_S = 1.0
@@ -167,9 +169,20 @@ class Navigator:
             self.plant, self.localiser, self.costmaps, self._move_base(global_planner, dwa_scaling),
             self._rates(settings), listeners,
         )  # fmt: skip
-        if slam is None:
-            for listener in listeners:
-                listener.on_map(0.0, grid)
+        self.grid = grid
+        """The map: the one that was given, or the newest of SLAM's."""
+        self._maps_itself = slam is not None
+        for listener in listeners:
+            self._show_map(listener)
+
+    def listen(self, listener: LoopListener) -> None:
+        """Tell a listener everything from now on, the map first."""
+        self.loop.listeners.append(listener)
+        self._show_map(listener)
+
+    def _show_map(self, listener: LoopListener) -> None:
+        if not self._maps_itself:
+            listener.on_map(self.time_s, self.grid)
 
     @property
     def pose(self) -> Array:
@@ -289,8 +302,8 @@ class Navigator:
             control=self.config.move_base.controller_frequency,
             local_costmap=local.update_frequency,
             global_costmap=world.update_frequency,
-            publish_local=local.publish_frequency,
-            publish_global=world.publish_frequency,
+            publish_local=local.publish_frequency or _SHOWN_HZ[0],
+            publish_global=world.publish_frequency or _SHOWN_HZ[1],
         )
 
 

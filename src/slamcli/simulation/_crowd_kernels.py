@@ -20,12 +20,12 @@ _WALL_A, _WALL_B = 3.0, 0.1
 _SEES = 4.0  # m
 _MOST_FORCE = 6.0  # m/s^2: nobody reacts harder
 _PUSH = 40.0  # 1/s^2: bodies that overlap push each other apart
-_AHEAD_STEPS = 16
+_AHEAD_M = 1.6  # how far down the costs people look
 
 
 @njit(cache=True, nogil=True)
 def room_at(room, frame, x, y):
-    """Distance to the nearest wall on a field (H, W) of cells frame[2] wide from corner frame[0:2]; 0 outside."""
+    """Distance to the nearest wall on a field (H, W) of cells frame[2] wide from the corner frame[0:2]; 0 outside."""
     column, row = np.int64(math.floor((x - frame[0]) / frame[2])), np.int64(math.floor((y - frame[1]) / frame[2]))
     if row < 0 or column < 0 or row >= room.shape[0] or column >= room.shape[1]:
         return 0.0
@@ -48,13 +48,13 @@ def _is_clear(room, frame, ax, ay, bx, by, need):
 
 @njit(cache=True, nogil=True)
 def _descend(field, frame, x, y, room, need):
-    """Return the farthest point in sight down the field of costs (h, w), cells twice as wide, and the cost here."""
-    size = 2.0 * frame[2]
+    """Return the farthest point in sight down the field of costs (h, w) with cells frame[3] wide, and the cost here."""
+    size = frame[3]
     column, row = np.int64(math.floor((x - frame[0]) / size)), np.int64(math.floor((y - frame[1]) / size))
     row, column = min(max(row, 0), field.shape[0] - 1), min(max(column, 0), field.shape[1] - 1)
     here = field[row, column]
     tx, ty = x, y
-    for step in range(_AHEAD_STEPS):
+    for step in range(max(np.int64(_AHEAD_M / size), 3)):
         best, to_row, to_column = field[row, column], row, column
         for r in range(max(row - 1, 0), min(row + 2, field.shape[0])):
             for c in range(max(column - 1, 0), min(column + 2, field.shape[1])):
@@ -64,7 +64,7 @@ def _descend(field, frame, x, y, room, need):
             break
         row, column = to_row, to_column
         px, py = frame[0] + (column + 0.5) * size, frame[1] + (row + 0.5) * size
-        if step > 1 and not _is_clear(room, frame, x, y, px, py, need):
+        if step > 0 and not _is_clear(room, frame, x, y, px, py, need):
             break
         tx, ty = px, py
     return tx, ty, here
@@ -186,7 +186,7 @@ def walk(
                 targets[i, 1] = following if following < way_ends[i, 1] else way_ends[i, 0]
                 tx, ty = ways[targets[i, 1], 0], ways[targets[i, 1], 1]
         else:
-            tx, ty, cost = _descend(fields[targets[i, 0]], field_frame, x, y, room, radius + 0.03)
+            tx, ty, cost = _descend(fields[targets[i, 0]], field_frame, x, y, room, radius)
             me[11] += step
             if cost < me[12]:
                 me[11], me[12] = 0.0, cost
