@@ -52,6 +52,14 @@ class PlannedPath:
     directions: NDArray[np.int64] | None = None
     """int64 (N,): 1 forward, -1 in reverse; None from planners that do not know."""
 
+    @property
+    def reverse_m(self) -> float:
+        """Length that is driven in reverse; 0 from planners that do not know directions."""
+        if self.directions is None:
+            return 0.0
+        steps = np.linalg.norm(np.diff(self.points_m, axis=0), axis=1)
+        return float(steps[self.directions[1:] < 0].sum())
+
 
 class GlobalPlanner:
     """Plans any number of paths on one costmap.
