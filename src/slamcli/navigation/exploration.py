@@ -19,6 +19,8 @@ _NEW_GOAL_M = 0.05
 """A goal that moved by less is the same goal."""
 _PROGRESS_M = 0.05
 """Coming nearer by less is none."""
+_DRIVEN_M = 0.5
+"""Driving so far after a goal that moves is progress."""
 
 
 class Phase(Enum):
@@ -56,6 +58,8 @@ class _Pursuit:
     nearest_m: float
     since_s: float
     """When the robot last came nearer."""
+    place: NDArray[np.float64]
+    """float64 (2,), where it was then."""
 
 
 class Exploration:
@@ -80,7 +84,7 @@ class Exploration:
         self._retries = parameters.blacklist_retries
         self._frontiers: tuple[Frontier, ...] = ()
         self._looked_s = -math.inf
-        self._reason = ""
+        self._said: list[str] = []
 
     @property
     def phase(self) -> Phase:
@@ -111,15 +115,14 @@ class Exploration:
         time_s
             Simulated seconds; never less than before.
         """
-        reason, self._reason = self._reason, ""
         if self._phase in (Phase.RETURNING, Phase.DONE):
-            return self._directive(reason)
+            return self._directive()
         self._watch(pose, time_s)
         if time_s - self._looked_s >= 1.0 / self._parameters.planner_frequency - 1e-9:
             self._looked_s = time_s
             self._frontiers = self._search.find(costs, origin_m, resolution_m, pose)
             self._choose(pose, time_s)
-        return self._directive(self._reason or reason)
+        return self._directive()
 
     def reached(self, time_s: float) -> None:
         """Say that the robot is at the goal that was sent."""
@@ -134,7 +137,7 @@ class Exploration:
         if self._phase is Phase.RETURNING:
             self._end(f"the way home failed: {reason}")
         elif self._pursuit is not None:
-            self._reason = f"goal given up: {reason}"
+            self._said.append(f"goal given up: {reason}")
             self._blacklist.append(self._pursuit.goal)
             self._forget()
 
@@ -149,9 +152,9 @@ class Exploration:
             return
         left_m = math.hypot(*(pursuit.goal[:2] - pose[:2]))
         if left_m < pursuit.nearest_m - _PROGRESS_M:
-            pursuit.nearest_m, pursuit.since_s = left_m, time_s
+            pursuit.nearest_m, pursuit.since_s, pursuit.place = left_m, time_s, pose[:2].copy()
         elif time_s - pursuit.since_s > self._parameters.progress_timeout:
-            self._reason = f"no progress for {self._parameters.progress_timeout:g} s"
+            self._said.append(f"no progress for {self._parameters.progress_timeout:g} s")
             self._blacklist.append(pursuit.goal)
             self._forget()
 
@@ -168,7 +171,7 @@ class Exploration:
             self._phase, self._pursuit, self._sent = Phase.WAITING, None, None
         elif self._frontiers and self._retries > 0:
             self._retries -= 1
-            self._reason = f"trying {len(self._frontiers)} frontiers once more"
+            self._said.append(f"trying {len(self._frontiers)} frontiers once more")
             self._blacklist, self._visited = [], []
             self._choose(pose, time_s)
         else:
@@ -189,23 +192,28 @@ class Exploration:
         before, goal = self._pursuit, frontier.goal
         left_m = math.hypot(*(goal[:2] - pose[:2]))
         if before is not None and math.hypot(*(goal[:2] - before.goal[:2])) < _SAME_M:
-            # The same frontier, seen better: progress is counted on, so that one that runs ahead of the robot times out, too.
+            # The same frontier, seen better. It may run ahead of the robot: then that has to drive for it to be progress.
             if math.hypot(*(goal[:2] - before.goal[:2])) > _NEW_GOAL_M:
-                before.nearest_m = min(before.nearest_m, left_m + _PROGRESS_M)
                 before.goal = goal
+                if math.hypot(*(pose[:2] - before.place)) > _DRIVEN_M:
+                    before.nearest_m, before.since_s, before.place = left_m, time_s, pose[:2].copy()
             return
-        self._pursuit = _Pursuit(goal, left_m, time_s)
+        self._pursuit = _Pursuit(goal, left_m, time_s, pose[:2].copy())
 
     def _finish(self) -> None:
         left = len(self._frontiers)
-        self._reason = "nothing is left to explore" if not left else f"{left} frontiers are left that cannot be reached"
+        self._said.append(
+            "nothing is left to explore" if not left else f"{left} frontiers are left that cannot be reached"
+        )
         self._pursuit, self._sent = None, None
         self._phase = Phase.RETURNING if self._parameters.return_home else Phase.DONE
 
     def _end(self, reason: str) -> None:
-        self._phase, self._reason, self._sent = Phase.DONE, reason, None
+        self._phase, self._sent = Phase.DONE, None
+        self._said.append(reason)
 
-    def _directive(self, reason: str) -> Directive:
+    def _directive(self) -> Directive:
+        reason, self._said = "; ".join(self._said), []
         goal = self._home if self._phase is Phase.RETURNING else None
         if self._phase is Phase.EXPLORING and self._pursuit is not None:
             goal = self._pursuit.goal
