@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.errors import EstimationError
 from slamcli.geometry import se2
 from slamcli.grids import OccupancyGrid
 from slamcli.localization.amcl import Amcl
@@ -104,46 +106,56 @@ class AmclLocaliser:
 
 
 class SlamLocaliser:
-    """A tier that maps while the robot drives.
+    """A tier that maps while the robot drives; its map is laid so that the robot begins at `start`.
 
     Parameters
     ----------
     mapper
         The tier.
-    T_world_start
-        float64 (3,): where the map's origin, the robot's first pose, is in the frame that goals are given in.
+    start
+        float64 (3,): the robot in the map when the first scan comes.
     map_period_s
         How often the map is drawn anew.
     """
 
-    def __init__(self, mapper: LiveMapper, map_period_s: float) -> None:
+    def __init__(self, mapper: LiveMapper, start: Array, map_period_s: float) -> None:
         self.mapper = mapper
         self.covariance: Array = np.zeros((3, 3))
         self.particles = _NO_PARTICLES
-        self._period_s = map_period_s
-        self._drawn_s = -np.inf
-        self._now_s = 0.0
-        self._fresh = False
-
-    @property
-    def T_map_odom(self) -> Array:  # noqa: N802 - frames as everywhere
-        """float64 (3,)."""
-        return self.mapper.T_map_odom
+        self.T_map_odom: Array = np.zeros(3)
+        self._start, self._period_ns = start, round(map_period_s * 1e9)
+        self._T_map_slam: Array | None = None
+        self._now_ns, self._due_ns = 0, 0
 
     def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:  # noqa: ARG002
         """Hand it on."""
+        if self._T_map_slam is None:
+            self.T_map_odom = se2.compose(self._start, se2.inverse(pose_odom))
         self.mapper.process(odometry)
 
     def on_scan(self, scan: LaserScan, pose_odom: Array, T_base_laser: Array) -> bool:  # noqa: ARG002
         """Hand it on."""
         self.mapper.process(scan)
-        self._now_s = scan.stamp_ns / 1e9
-        self._fresh = True
+        if self._T_map_slam is None:
+            self._T_map_slam = se2.compose(self._start, se2.inverse(se2.compose(self.mapper.T_map_odom, pose_odom)))
+        self.T_map_odom = se2.compose(self._T_map_slam, self.mapper.T_map_odom)
+        self._now_ns = scan.stamp_ns
         return True
 
     def new_map(self) -> OccupancyGrid | None:
         """Return the map, drawn anew, once in every period."""
-        if not self._fresh or self._now_s < self._drawn_s + self._period_s - 1e-6:
+        if self._now_ns < self._due_ns or self._T_map_slam is None:
             return None
-        self._fresh, self._drawn_s = False, self._now_s
-        return self.mapper.grid()
+        try:
+            grid = self.mapper.grid()
+        except EstimationError:  # nothing in range yet
+            return None
+        self._due_ns = self._now_ns + self._period_ns
+        return self.placed(grid)
+
+    def placed(self, grid: OccupancyGrid) -> OccupancyGrid:
+        """Return a map of the tier where it lies in the map frame."""
+        if self._T_map_slam is None:
+            return grid
+        x, y, yaw = se2.compose(self._T_map_slam, grid.origin).tolist()
+        return dataclasses.replace(grid, origin=(x, y, yaw))

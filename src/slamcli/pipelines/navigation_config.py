@@ -180,8 +180,7 @@ class _Collected:
         elif anywhere and (section := self._only(name, setting)) is not None:
             self._put(section, name, setting)
         else:
-            for costmap in _COSTMAPS:  # what move_base's files have outside of any section is for both
-                self._costmaps.append((f"{costmap}.{name}", setting.value, setting.source))
+            self._costmaps.append((name, setting.value, setting.source))  # of both, or unknown
             self._sources[name] = setting.source
 
     @property
@@ -192,6 +191,8 @@ class _Collected:
     def build(self, local_planner: str | None, files: tuple[Path, ...]) -> NavigationConfig:
         """Return the parameters, checked."""
         costmaps = read_costmaps(self._costmaps)
+        for name, _, source in costmaps.rest:
+            raise ConfigError(unknown_name(name, self._names(), source))
         for note in costmaps.notes:
             self._log.note(note)
         move_base = resolve(MoveBaseParameters, self._values.get("move_base", {}))
@@ -232,6 +233,9 @@ class _Collected:
             choices = ", ".join(f"{self._title(section)}/{name}" for section in found)
             raise ConfigError(f"{setting.source} {name}: several parts have a parameter of that name: write {choices}")
         return found[0] if found else None
+
+    def _names(self) -> list[str]:
+        return [f"{self._title(section)}/{name}" for section, known in self._known.items() for name in known]
 
     def _title(self, section: str) -> str:
         return next((p.section for kind, p in LOCAL_PLANNERS.items() if kind == section), section)
