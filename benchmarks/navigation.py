@@ -63,7 +63,9 @@ def draw_pairs(
     """Return start pose, goal pose and the length of the shortest way (inf: none)."""
     config = load_navigation(sets=sets)
     grid = read_map(path).grid
-    window = LayeredCostmap(config.global_costmap, name="global", static=grid).window()
+    costmap = LayeredCostmap(config.global_costmap, name="global", static=grid)
+    costmap.update(np.zeros(3))
+    window = costmap.window()
     room = body_room(path)
     rows, columns = np.nonzero(window.costs < INSCRIBED)
     points = np.column_stack([columns, rows]) * window.resolution_m + window.resolution_m / 2 + window.origin_m

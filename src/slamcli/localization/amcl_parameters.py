@@ -131,6 +131,13 @@ class AmclParameters:
         120, "how many beams of a scan are laid on the walls, evenly spaced", name="slamcli.refine_beams", unit="beams",
         minimum=2, maximum=100_000, extension=True,
     )  # fmt: skip
+    refine_min_d: float = parameter(
+        0.05, "a scan is laid on the walls, also between those that are used, after this much motion along x or y",
+        name="slamcli.refine_min_d", unit="m", minimum=0.0, extension=True,
+    )  # fmt: skip
+    refine_min_a: float = parameter(
+        0.05, "likewise, after this much turning", name="slamcli.refine_min_a", unit="rad", minimum=0.0, extension=True
+    )
     deskew: bool = parameter(
         True, "put beams to where the moving robot was when each was measured, where scans tell their time_increment",
         name="slamcli.deskew", extension=True,

@@ -15,7 +15,7 @@ from slamcli.grids import OccupancyGrid
 from slamcli.grids.distance import squared_distance
 from slamcli.localization.amcl_parameters import AmclParameters
 
-_OCCUPIED_FROM, _FREE_TO = 65, 19
+OCCUPIED_FROM, _FREE_TO = 65, 19
 """What map_server takes as occupied and free; amcl itself knows 100 and 0 only, which these contain."""
 _MOST_ROOM = 255
 MOST_DISTANCE_M = 1.0
@@ -51,7 +51,7 @@ class LocalizationMap:
         DataError
             If the map has no free or no occupied cell.
         """
-        occupied, free = grid.cells >= _OCCUPIED_FROM, (grid.cells >= 0) & (grid.cells <= _FREE_TO)
+        occupied, free = grid.cells >= OCCUPIED_FROM, (grid.cells >= 0) & (grid.cells <= _FREE_TO)
         for what, mask in (("free", free), ("occupied", occupied)):
             if not mask.any():
                 raise DataError(

@@ -92,7 +92,7 @@ class DwaPlanner:
         if self._latch.position_reached(pose, plan.goal):
             twist = self._latch.command(pose, plan.goal, state.twist, lambda sample: self._is_free(state, sample))
             return LocalCommand(twist=twist, trajectory=np.empty((0, 3)), cost=0.0)
-        turn = self._turn.command(pose, state.twist, plan.poses, self.parameters.min_vel_trans)
+        turn = self._turn.command(pose, state.twist, plan.poses, 2.0 * self.parameters.min_vel_trans)
         if turn is not None and self._is_free(state, turn):
             return LocalCommand(twist=turn, trajectory=np.empty((0, 3)), cost=0.0)
         motions = self._best(state, self._samples(state, plan))

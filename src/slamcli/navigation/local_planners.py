@@ -11,6 +11,7 @@ from slamcli.errors import ConfigError
 from slamcli.navigation.dwa import DwaPlanner
 from slamcli.navigation.dwa_parameters import ALIASES, DwaParameters
 from slamcli.navigation.local_planner import LocalPlanner
+from slamcli.navigation.teb import TebParameters, TebPlanner
 
 LocalPlannerKind = Literal["dwa", "teb", "pursuit"]
 
@@ -43,6 +44,12 @@ LOCAL_PLANNERS: Mapping[LocalPlannerKind, LocalPlannerEntry] = {
         ),
         plugins=("dwa_local_planner/DWAPlannerROS", "base_local_planner/TrajectoryPlannerROS"),
         aliases=ALIASES,
+    ),
+    "teb": LocalPlannerEntry(
+        section="TebLocalPlannerROS",
+        parameters=TebParameters,
+        build=lambda parameters, period_s, _: TebPlanner(parameters, control_period_s=period_s),
+        plugins=("teb_local_planner/TebLocalPlannerROS",),
     ),
 }
 

@@ -13,6 +13,7 @@ from slamcli.navigation.goal_latch import GoalTolerances, turn_rate
 
 _LOOK_AHEAD_M = 0.4
 _DONE_SHARE = 0.25
+_BEHIND_RAD = 0.5 * math.pi
 
 
 class TurnToPlan:
@@ -21,8 +22,8 @@ class TurnToPlan:
     Parameters
     ----------
     threshold_rad
-        Angle between the robot's heading and the way to a point 0.4 m ahead on the plan from which a robot that stands
-        turns; it turns until a quarter of that is left. 0: never.
+        Angle between the robot's heading and the way to a point 0.4 m ahead on the plan from which a slow robot turns, and
+        any robot if the way leads backwards; it turns until a quarter of the threshold is left. 0: never.
     limits
         How fast the robot turns and stops.
     """
@@ -56,8 +57,8 @@ class TurnToPlan:
         if self._turning:
             self._turning = abs(angle) > _DONE_SHARE * self._threshold_rad
         else:
-            stands = math.hypot(twist[0], twist[1]) <= slow_m_s
-            self._turning = bool(0.0 < self._threshold_rad < abs(angle) and stands)
+            slow = math.hypot(twist[0], twist[1]) <= slow_m_s or abs(angle) > _BEHIND_RAD
+            self._turning = bool(0.0 < self._threshold_rad < abs(angle) and slow)
         if not self._turning:
             return None
         limits = self._limits
