@@ -32,6 +32,7 @@ ROOMS = (
     "localization.particles",
     "localization.refinement",
     "navigation.dwa_scoring",
+    "navigation.frontiers",
     "navigation.grid_search",
     "navigation.inflation_layer",
     "navigation.motion_check",
