@@ -3,7 +3,7 @@
 -- Written by .ci/parameter_tables.py from slamcli's declarations.
 
 POSE_GRAPH = {
-  -- optimise after this many nodes, where batch_search is not enabled (2D); 0: only at the end
+  -- search loops and optimise after this many nodes, as it goes (live) or where batch_search is not enabled (2D); 0: only at the end
   optimize_every_n_nodes = 90,
   constraint_builder = {
     sampling_ratio = 0.3,  -- share of the pairs of node and submap that are tried

@@ -3,12 +3,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 from naive_layers import LETHAL, NaiveCostmap
 
 from slamcli.errors import ConfigError
+from slamcli.formats.maps import read_map
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements.laser import LaserScan
 from slamcli.navigation.cell_bounds import CellBounds
@@ -237,8 +240,7 @@ def test_random_updates_equal_the_naive_twin_and_a_full_recompute(seed: int) -> 
         assert (before[outside] == expected[outside]).all()
         before = expected
     assert (before == LETHAL).sum() > 3
-    layered.clear_inside(pose, 0.0, [])
-    layered._everything = True
+    layered.start_over()
     layered.update(pose)
     np.testing.assert_array_equal(layered.window().costs, before)
 
@@ -317,7 +319,7 @@ def test_recovery_forgets_outside_or_inside_a_square() -> None:
         clear = layered.clear_inside if inside else layered.clear_outside
         assert clear([4.5, 4.5, 0.0], 2.0, names) == ("obstacle_layer",)
         layered.observe(seen())
-        assert layered.update([4.5, 4.5, 0.0]) == CellBounds(0, 10, 0, 10)
+        assert layered.update([4.5, 4.5, 0.0]) == (CellBounds(4, 6, 4, 5) if inside else CellBounds(0, 9, 4, 5))
         assert np.argwhere(layered.window().costs == LETHAL).tolist() == left
 
 
@@ -445,3 +447,53 @@ def test_an_inflation_that_reaches_far_changes_with_obstacles() -> None:
         cells[10, round(column / 0.05)] = 100
         expected = compute_costmap(OccupancyGrid(cells, 0.05), layered.parameters.costmap)
         np.testing.assert_array_equal(layered.window().costs, expected.costs)
+
+
+def test_a_map_that_changes_in_place_equals_one_that_is_new() -> None:
+    random = np.random.default_rng(9)
+    cells = random.choice(np.array([0] * 9 + [100, -1], dtype=np.int8), (60, 70))
+    layered = costmap(OccupancyGrid(cells, 0.05), inflation_radius=0.4, track_unknown=True)
+    layered.update([0.5, 0.5, 0.0])
+    changed = cells.copy()
+    changed[20:33, 40:52] = random.choice(np.array([0, 100, -1], dtype=np.int8), (13, 12))
+    layered.set_map(OccupancyGrid(changed, 0.05))
+    bounds = layered.update([0.5, 0.5, 0.0])
+    assert min(bounds.first_row - 12, 41 - bounds.last_row) >= 0
+    assert min(bounds.first_column - 32, 60 - bounds.last_column) >= 0
+    fresh = costmap(OccupancyGrid(changed, 0.05), inflation_radius=0.4, track_unknown=True)
+    fresh.update([0.5, 0.5, 0.0])
+    np.testing.assert_array_equal(layered.window().costs, fresh.window().costs)
+
+
+DATA = Path(os.environ.get("SLAMCLI_TEST_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+MAPS = [
+    DATA / "maps" / f"{name}.yaml"
+    for name in ("stdr/simple_rooms", "meeting/meeting", "nav2/depot", "turtlebot3/map", "mrpt/demo_world2")
+]
+
+
+@pytest.mark.real_data
+@pytest.mark.skipif(not (DATA / "maps").is_dir(), reason=f"no maps under {DATA}")
+@pytest.mark.parametrize("path", MAPS, ids=lambda path: path.stem)
+def test_scans_on_real_maps_equal_a_full_recompute(path: Path) -> None:
+    grid = read_map(path).grid
+    parameters = LayeredParameters.standard("global", robot_radius=0.18, track_unknown=True)
+    layered = LayeredCostmap(parameters, name="global", static=grid)
+    low = layered.extent.corner
+    high = low + np.array(layered.extent.shape[::-1]) * grid.resolution_m
+    layered.update([*(low - 9.0), 0.0])
+    if abs(grid.origin[2]) < 1e-9:
+        np.testing.assert_array_equal(layered.window().costs, compute_costmap(grid, parameters.costmap).costs)
+    random = np.random.default_rng(5)
+    pose = np.append((low + high) / 2, 0.0)
+    facts = {"angle_min_rad": -math.pi, "angle_increment_rad": math.pi / 90, "range_min_m": 0.1, "range_max_m": 8.0}
+    for step in range(12):
+        pose = pose + random.normal(0.0, [0.2, 0.2, 0.5])
+        ranges = random.uniform(0.0, 9.0, 180).astype(np.float32)
+        sweep = LaserScan(stamp_ns=step, frame_id="laser", ranges_m=ranges, **facts)
+        layered.observe(observe_scan(sweep, pose, parameters.sources[0], 0.1 * step, 0.2))
+        layered.update(pose)
+    incremental = layered.window().costs.copy()
+    layered.start_over()
+    layered.update(pose)
+    np.testing.assert_array_equal(layered.window().costs, incremental)

@@ -8,7 +8,7 @@ from typing import Any
 
 from slamcli.cartographer.inputs import MODES, ROLES, plan_inputs
 from slamcli.cartographer.parameters import CartographerParameters
-from slamcli.mapper import InputPlan, Mapper, SensorOffer, Setup, StateDrawing
+from slamcli.mapper import InputPlan, LiveMapper, Mapper, SensorOffer, Setup, StateDrawing
 from slamcli.posegraph import MapState
 from slamcli.runtime import RunLog
 
@@ -33,6 +33,12 @@ class CartographerTier:
 
         mapper: Mapper = import_module("slamcli.cartographer.mapper").CartographerMapper(parameters, setup)
         return mapper
+
+    def build_live(self, parameters: Any, setup: Setup) -> LiveMapper:
+        """Return a mapper that answers after each scan, in the plane."""
+        from slamcli.cartographer.live_2d import LiveCartographer2d
+
+        return LiveCartographer2d(parameters, setup)
 
     def draw(self, parameters: Any, state: MapState, map_frame: str) -> StateDrawing:
         """Return the map and the points that are in a state."""

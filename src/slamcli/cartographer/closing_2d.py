@@ -47,6 +47,8 @@ class BatchClosing2d:
     log: RunLog
     rejected: list[Found] = field(default_factory=list)
     num_trials: int = 0
+    num_open: int = 0
+    """Submaps at the end of the graph that scans are still drawn into: nothing is looked for in them."""
     _round: int = 0
     _sigmas_wide: float = _SIGMAS
     """Half width of windows in standard deviations."""
@@ -143,7 +145,7 @@ class BatchClosing2d:
         frozen = np.array([part.frozen for part in graph.parts])
         everyone = np.arange(len(graph.node))
         found = {}
-        for submap, grid in enumerate(graph.grids):
+        for submap, grid in enumerate(graph.grids[: len(graph.grids) - self.num_open]):
             need = self._sigmas_wide * translation[submap, graph.home] + _LEAST_M
             linear = np.minimum(need, window.widest_window)
             angular = np.minimum(self._sigmas_wide * rotation[submap, graph.home] + _LEAST_RAD, window.widest_turn)

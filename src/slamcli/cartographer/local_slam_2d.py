@@ -22,6 +22,8 @@ from slamcli.registration.grid_matching import (
 from slamcli.registration.voxel_filter import adaptive_voxel_filter, voxel_filter
 from slamcli.trajectory.bending import as_pose, compose
 
+LOST_M = 0.5
+"""Where the way between two nodes is more uncertain than this, new submaps begin."""
 _MIN_POINTS = 10
 """A scan of fewer points says too little of where it was taken."""
 

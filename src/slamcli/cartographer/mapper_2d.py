@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.cartographer.closing_2d import BatchClosing2d
-from slamcli.cartographer.graph_2d import PoseGraph2d, TrajectoryPart, unit_weight
+from slamcli.cartographer.graph_2d import PoseGraph2d, unit_weight
 from slamcli.cartographer.joining_2d import join_trajectories
-from slamcli.cartographer.local_slam_2d import LocalSlam2d
+from slamcli.cartographer.local_part_2d import trajectory_part
+from slamcli.cartographer.local_slam_2d import LOST_M, LocalSlam2d
 from slamcli.cartographer.odometry_terms_2d import odometry_term
 from slamcli.cartographer.online_closing_2d import OnlineClosing2d
 from slamcli.cartographer.outside_2d import Outside2d
 from slamcli.cartographer.parameters import CartographerParameters
 from slamcli.cartographer.pose_extrapolator_2d import ConstantVelocity2d
-from slamcli.cartographer.range_data import RangeData
+from slamcli.cartographer.range_data import joined
 from slamcli.cartographer.result_2d import mapping_result
 from slamcli.cartographer.scan_sequence import Motions, ScanSequence
 from slamcli.cartographer.sensor_records_2d import with_motion_sensors
@@ -28,11 +29,8 @@ from slamcli.errors import EstimationError
 from slamcli.geometry import se2
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import ImuSample, Landmarks, LaserScan, Measurement, Odometry, PointCloud, StampedPose
-from slamcli.posegraph import Id, MapState
-from slamcli.trajectory.bending import as_pose, between_updates, compose
-
-_LOST_M = 0.5
-"""Where the way between two nodes is more uncertain than this, new submaps begin."""
+from slamcli.posegraph import MapState
+from slamcli.trajectory.bending import as_pose, between_updates, compose, led_back
 
 
 class Mapper2D:
@@ -66,13 +64,14 @@ class Mapper2D:
             raise EstimationError(
                 "no scan shows anything within range: there is nothing to map (see min_range and max_range)"
             )
-        part = self._part(local, motions)
+        number = 0 if setup.state is None else max(setup.state.trajectories, default=-1) + 1
+        part = trajectory_part(local, motions.slack_m, number)
         known = [] if setup.state is None else parts_of_state(setup.state, unit_weight(self._parameters.pose_graph))
         parts = [*known, part]
         graph = PoseGraph2d(self._parameters.pose_graph, parts)
         if setup.state is not None:
             graph.loops = loops_of_state(setup.state, graph)
-        local_poses = _led_back(between_updates(motions.motions, matched, poses), motions.motions, int(matched[0]))
+        local_poses = led_back(between_updates(motions.motions, matched, poses), motions.motions, int(matched[0]))
         nodes = np.array([node.scan for node in local.nodes], dtype=np.int64)
         with ThreadPoolExecutor(setup.jobs) as executor:
             with log.stage("loop closure"):
@@ -89,8 +88,10 @@ class Mapper2D:
                 solution = graph.optimise(self._parameters.pose_graph.max_num_final_iterations)
         steps = np.vstack([np.zeros((1, 3)), se2.between(local_poses[:-1], local_poses[1:])])
         final = between_updates(steps, nodes, graph.node[graph.node_part == len(parts) - 1])
-        final = _led_back(final, steps, int(nodes[0]))
-        result = mapping_result(setup, self._sequence, motions, local, matched, graph, closing, solution, final)
+        final = led_back(final, steps, int(nodes[0]))
+        result = mapping_result(
+            setup, self._sequence.recorded_stamps_ns, motions, local, matched, graph, closing, solution, final
+        )
         summary = {**result.summary, **self._outside.summary(graph)}
         state = None if result.state is None else self._outside.kept(graph, self._with_sensors(graph, result.state))
         return replace(result, summary=summary, state=state)
@@ -124,11 +125,12 @@ class Mapper2D:
                 for k in scans:
                     motion = compose(motion, as_pose(motions.motions[k])) if k else motion
                 lost += float((motions.slack_m[scans.start : scans.stop] ** 2).sum())
-                if lost > _LOST_M**2:
+                if lost > LOST_M**2:
                     local.restart()
                     lost = 0.0
                 before = len(local.nodes)
-                local.step(last, int(stamps[last]), self._together(scans, motions.motions), np.array(motion))
+                data = joined([self._sequence.range_data(k) for k in scans], motions.motions[scans.start : scans.stop])
+                local.step(last, int(stamps[last]), data, np.array(motion))
                 told = len(local.nodes) > before and motions.slack_m[last] == 0.0
                 lost = 0.0 if told else lost
                 speed.add(int(stamps[last]), local.pose)
@@ -143,41 +145,3 @@ class Mapper2D:
         subdivisions = max(self._parameters.options.num_subdivisions_per_laser_scan, 1)
         wanted = max(1, round(self._parameters.trajectory_builder_2d.num_accumulated_range_data / subdivisions))
         return min(wanted, len(self._sequence.scans))
-
-    def _together(self, scans: range, motions: NDArray[np.float64]) -> RangeData:
-        """Return consecutive scans as one, seen from where the last was taken."""
-        last = self._sequence.range_data(scans[-1])
-        if len(scans) == 1:
-            return last
-        returns, misses = [last.returns], [last.misses]
-        pose = np.zeros(3)
-        for k in reversed(scans[:-1]):
-            pose = se2.compose(pose, se2.inverse(motions[k + 1]))
-            data = self._sequence.range_data(k)
-            returns.append(se2.transform_points(pose, data.returns))
-            misses.append(se2.transform_points(pose, data.misses))
-        return RangeData(last.start, np.concatenate(returns[::-1]), np.concatenate(misses[::-1]))
-
-    def _part(self, local: LocalSlam2d, motions: Motions) -> TrajectoryPart:
-        state = self._setup.state
-        number = 0 if state is None else max(state.trajectories, default=-1) + 1
-        submaps, nodes = local.submaps.all, local.nodes
-        submap_local = np.array([submap.local_pose for submap in submaps])
-        node_local = np.array([node.pose for node in nodes])
-        scans = np.array([node.scan for node in nodes])
-        variance = np.concatenate([[0.0], np.cumsum(motions.slack_m**2)])
-        slack = np.sqrt(np.diff(variance[np.concatenate([[0], scans + 1])]))
-        return TrajectoryPart(
-            trajectory=number, frozen=False, submap_ids=[Id(number, submap.number) for submap in submaps],
-            submap_local=submap_local, submap_map=submap_local.copy(), grids=[submap.grid for submap in submaps],
-            finished=[submap.finished for submap in submaps], node_ids=[Id(number, k) for k in range(len(nodes))],
-            node_local=node_local, node_map=node_local.copy(), points=[node.points for node in nodes],
-            members=[node.submaps for node in nodes], slack_m=slack,
-        )  # fmt: skip
-
-
-def _led_back(poses: NDArray[np.float64], steps: NDArray[np.float64], first: int) -> NDArray[np.float64]:
-    """Return poses (N, 3) in which the scans before `first`, which no node tells, are led back from it by the steps."""
-    for k in range(first - 1, -1, -1):
-        poses[k] = se2.compose(poses[k + 1], se2.inverse(steps[k + 1]))
-    return poses

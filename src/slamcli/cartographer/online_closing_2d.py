@@ -67,13 +67,13 @@ class OnlineClosing2d:
             finished += new
             since += 1
             if since > graph.parameters.optimize_every_n_nodes > 0:
-                self._search(pairs)
+                self.search(pairs)
                 begun = max(row for held in part.members[: k + 1] for row in held) + 1
                 self._optimise(first_submap + begun, first_node + k + 1)
                 pairs, since = [], 0
-        self._search(pairs)
+        self.search(pairs)
 
-    def _search(self, pairs: list[tuple[int, int]]) -> None:
+    def search(self, pairs: list[tuple[int, int]]) -> None:
         """Look for nodes in submaps, pairs of rows, of which distance and sampling leave some."""
         graph, b = self.graph, self.graph.parameters.constraint_builder
         window, held = b.fast_correlative_scan_matcher, set(map(tuple, graph.membership.tolist()))

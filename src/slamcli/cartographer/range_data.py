@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.cartographer.parameters import TrajectoryBuilder2d
-from slamcli.geometry import quaternion
+from slamcli.geometry import quaternion, se2
 from slamcli.measurements import LaserScan, PointCloud
 from slamcli.registration.beams import Beams, moved, sweep_times
 
@@ -107,6 +108,20 @@ class RangeSensor:
         vectors = (points[kept] / ranges[:, None]) @ self._rotation.T
         times = None if cloud.offset_ns is None else cloud.offset_ns[kept] / 1e9
         return vectors, ranges, times
+
+
+def joined(scans: Sequence[RangeData], motions: NDArray[np.float64]) -> RangeData:
+    """Return consecutive scans (K) as one, seen from where the last was taken; row k of motions (K, 3) leads to scan k."""
+    last = scans[-1]
+    if len(scans) == 1:
+        return last
+    returns, misses = [last.returns], [last.misses]
+    pose = np.zeros(3)
+    for k in range(len(scans) - 2, -1, -1):
+        pose = se2.compose(pose, se2.inverse(motions[k + 1]))
+        returns.append(se2.transform_points(pose, scans[k].returns))
+        misses.append(se2.transform_points(pose, scans[k].misses))
+    return RangeData(last.start, np.concatenate(returns[::-1]), np.concatenate(misses[::-1]))
 
 
 def sweep_seconds(measurement: RangeMeasurement) -> float:

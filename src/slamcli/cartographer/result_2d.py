@@ -13,7 +13,7 @@ from slamcli.cartographer.closing_2d import BatchClosing2d
 from slamcli.cartographer.graph_2d import PoseGraph2d
 from slamcli.cartographer.local_slam_2d import LocalSlam2d
 from slamcli.cartographer.online_closing_2d import OnlineClosing2d
-from slamcli.cartographer.scan_sequence import Motions, ScanSequence
+from slamcli.cartographer.scan_sequence import Motions
 from slamcli.cartographer.state_2d import state_of_graph
 from slamcli.mapper import MappingResult, Setup
 from slamcli.posegraph import LoopSearch
@@ -24,7 +24,7 @@ from slamcli.trajectory import Trajectory
 
 def mapping_result(
     setup: Setup,
-    sequence: ScanSequence,
+    stamps: list[int],
     motions: Motions,
     local: LocalSlam2d,
     matched: NDArray[np.int64],
@@ -33,8 +33,7 @@ def mapping_result(
     solution: PlanarSolution,
     poses: NDArray[np.float64],
 ) -> MappingResult:
-    """Return the result of a run; `poses` (N, 3) are those of all scans in the map."""
-    stamps = sequence.recorded_stamps_ns
+    """Return the result of a run; `poses` (N, 3) are those of all scans in the map, which were recorded at `stamps` (N,)."""
     of_nodes = [stamps[node.scan] for node in local.nodes]
     state = state_of_graph(graph, of_nodes, setup.state)
     with setup.log.stage("draw map"):

@@ -27,7 +27,7 @@ from slamcli.trajectory.odometry_jumps import without_jumps
 from slamcli.trajectory.wheel_calibration import WheelCalibration
 from slamcli.trajectory.wheel_odometry import WheelOdometry, smooth_stamps
 
-_TANGENT = 0.0
+TANGENT = 0.0
 """Share of what points tell along a surface that is believed: they should glide along walls, not rest on single cells."""
 _POOR_QUALITY = 0.5
 _LONGEST_OFFSET_S = 4e9
@@ -121,7 +121,7 @@ class ScanSequence:
         laser = LaserOdometry(
             stamps_ns=self.stamps_ns, beams=self._beams, delta_m=p.submaps.grid_options_2d.resolution,
             sweeps=p.scan_odometry.deskew and tells_sweep(self.stamps_ns, sweep_s, log), log=log, wheels=wheels,
-            yaws=None if self._attitude is None else self._attitude.yaws(self.stamps_ns), tangent=_TANGENT,
+            yaws=None if self._attitude is None else self._attitude.yaws(self.stamps_ns), tangent=TANGENT,
         )  # fmt: skip
         laser, offset_s, calibration = self._mended(laser)
         self._laser = laser
@@ -135,7 +135,11 @@ class ScanSequence:
             motions, steps = laser.motions(offset_s)
             warn_of_corridors(self.stamps_ns, motions, steps, laser.wheels is not None, log)
             found = Motions(
-                motions=motions, slack_m=_slack(motions, steps), steps=steps, offset_s=offset_s, calibration=calibration
+                motions=motions,
+                slack_m=slack_of(motions, steps),
+                steps=steps,
+                offset_s=offset_s,
+                calibration=calibration,
             )
         self._moves = motions
         return found
@@ -220,7 +224,7 @@ class ScanSequence:
         return motions
 
 
-def _slack(motions: NDArray[np.float64], steps: list[ScanStep]) -> NDArray[np.float64]:
+def slack_of(motions: NDArray[np.float64], steps: list[ScanStep]) -> NDArray[np.float64]:
     """Return how uncertain each motion is where the scan did not match and only wheels or a guess tell it."""
     poor = np.array([step.quality < _POOR_QUALITY for step in steps])
     way = np.hypot(motions[:, 0], motions[:, 1]) + np.abs(motions[:, 2])

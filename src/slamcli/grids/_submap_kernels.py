@@ -8,11 +8,11 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def add_submap(cells, grid_corner, grid_m, table, T_map_local, map_corner, map_m, box, sums, weights):
+def add_submap(cells, grid_corner, grid_m, table, T_map_local, map_corner, map_m, box, sign, sums, weights):
     """Add what a submap (h, w) says of each cell of the map (H, W) within `box` (first row, column, past the last).
 
     The cell's centre is taken into the submap and what the table says of the stored values of the four cells around it is
-    weighted bilinearly; unknown cells have no weight.
+    weighted bilinearly; unknown cells have no weight. With `sign` -1.0 instead of 1.0 what was added before is taken away.
     """
     height, width = cells.shape
     c, s = np.cos(T_map_local[2]), np.sin(T_map_local[2])
@@ -36,6 +36,6 @@ def add_submap(cells, grid_corner, grid_m, table, T_map_local, map_corner, map_m
                     value = cells[i + di, j + dj]
                     if value == 0:
                         continue
-                    weight = share * (right if dj == 1 else 1.0 - right)
+                    weight = sign * share * (right if dj == 1 else 1.0 - right)
                     sums[row, column] += weight * table[value]
                     weights[row, column] += weight

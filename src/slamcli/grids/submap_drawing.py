@@ -75,7 +75,7 @@ def draw_submaps(
     if poses.shape != (len(grids), 3) or not np.isfinite(poses).all():
         raise DataError(f"drawing submaps: poses are {poses.shape} or not finite, not finite ({len(grids)}, 3)")
     drawn = grids if all(isinstance(grid, TsdfGrid) for grid in grids) else [shown(grid) for grid in grids]
-    boxes = [_known_corners(grid, pose) for grid, pose in zip(drawn, poses, strict=True)]
+    boxes = [known_corners(grid, pose) for grid, pose in zip(drawn, poses, strict=True)]
     known = [box for box in boxes if box is not None]
     if not known:
         raise EstimationError("the map is empty: no submap has a known cell")
@@ -97,22 +97,22 @@ def draw_submaps(
         sums, weights = (np.zeros((min(band, height - top), width), np.float32) for _ in range(2))
         origin = corner + np.array([0.0, top * resolution_m])
         for grid, pose, box in zip(drawn, poses, boxes, strict=True):
-            window = None if box is None else _window(box, first + np.array([0, top]), resolution_m, sums.shape)
+            window = None if box is None else window_of(box, first + np.array([0, top]), resolution_m, sums.shape)
             if window is not None:
                 cells, table = _values(grid, resolution_m)
                 kernels.add_submap(
-                    cells, np.array(grid.origin), grid.resolution_m, table, pose, origin, resolution_m, window, sums, weights
+                    cells, np.array(grid.origin), grid.resolution_m, table, pose, origin, resolution_m, window, 1.0, sums, weights
                 )  # fmt: skip
         if distances:
             enough = weights >= _MIN_WEIGHT
             parts.append(trinary_by_distance(np.divide(sums, weights, where=enough, out=np.full_like(sums, np.nan))))
         else:
-            parts.append(_trinary(sums, weights, occupied_probability, free_probability))
+            parts.append(trinary_by_odds(sums, weights, occupied_probability, free_probability))
     trinary = parts[0] if len(parts) == 1 else np.concatenate(parts)
     return OccupancyGrid(trinary, resolution_m, (float(corner[0]), float(corner[1]), 0.0), frame_id)
 
 
-def _window(
+def window_of(
     box: tuple[NDArray[np.float64], NDArray[np.float64]],
     first: NDArray[np.int64],
     resolution_m: float,
@@ -129,12 +129,16 @@ def _window(
 
 def _values(grid: SubmapGrid, cell_m: float) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
     """Return the cells that are drawn, and what each stored value adds to the mean."""
-    return drawn_distances(grid, cell_m) if isinstance(grid, TsdfGrid) else (grid.cells, _log_odds_table())
+    return drawn_distances(grid, cell_m) if isinstance(grid, TsdfGrid) else (grid.cells, log_odds_table())
 
 
-def _trinary(
-    sums: NDArray[np.float32], weights: NDArray[np.float32], occupied_probability: float, free_probability: float
+def trinary_by_odds(
+    sums: NDArray[np.float32],
+    weights: NDArray[np.float32],
+    occupied_probability: float = 0.51,
+    free_probability: float = 0.51,
 ) -> NDArray[np.int8]:
+    """Return the cells of a map whose submaps' log odds and weights add up to `sums` and `weights`; see `draw_submaps`."""
     known = weights >= _MIN_WEIGHT
     occupied = known & (sums > weights * np.float32(_log_odds(occupied_probability)))
     free = known & ~occupied & (sums < weights * np.float32(_log_odds(free_probability)))
@@ -149,14 +153,14 @@ def _log_odds(probability: float) -> float:
 
 
 @lru_cache(maxsize=1)
-def _log_odds_table() -> NDArray[np.float32]:
+def log_odds_table() -> NDArray[np.float32]:
     """Return float32 (32768,), the log odds of each stored correspondence cost; 0 for unknown."""
     values = np.arange(1, 32768, dtype=np.uint16).reshape(1, -1)
     probabilities = ProbabilityGrid(values, 1.0, (0.0, 0.0)).probabilities()[0].astype(np.float64)
     return np.concatenate([[0.0], np.log(probabilities / (1.0 - probabilities))]).astype(np.float32)
 
 
-def _known_corners(
+def known_corners(
     grid: SubmapGrid, T_map_local: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Return the least and greatest x, y (metres, map) of a grid's known cells."""

@@ -90,10 +90,10 @@ def cast(x, y, dx, dy, reach, room):
 
 
 @njit(cache=True, nogil=True)
-def beam_cubes(poses, sensor, bearings, ranges, frame, room, most, mixture, out):
+def beam_cubes(poses, origins, bearings, ranges, frame, room, most, mixture, out):
     """Set `out` (N,) to 1 + the sum of cubed likelihoods of `ranges` (B,) along `bearings` (B,) by ray casting from `poses` (N, 3).
 
-    `sensor` is x, y of the scanner on the robot, `most` the range that means no return, `mixture` z_hit, z_short, z_max, z_rand,
+    `origins` (B, 2) are x, y of the scanner on the robot, `most` the range that means no return, `mixture` z_hit, z_short, z_max, z_rand,
     sigma_hit, lambda_short.
     """
     gc, gs, scale = math.cos(frame[2]), math.sin(frame[2]), frame[3]
@@ -102,13 +102,14 @@ def beam_cubes(poses, sensor, bearings, ranges, frame, room, most, mixture, out)
         dx, dy = poses[i, 0] - frame[0], poses[i, 1] - frame[1]
         yaw = poses[i, 2] - frame[2]
         c, s = math.cos(yaw), math.sin(yaw)
-        x = (gc * dx + gs * dy + c * sensor[0] - s * sensor[1]) * scale
-        y = (gc * dy - gs * dx + s * sensor[0] + c * sensor[1]) * scale
+        x, y = gc * dx + gs * dy, gc * dy - gs * dx
         total = 1.0
         for b in range(ranges.shape[0]):
             reading = ranges[b]
             angle = yaw + bearings[b]
-            expected = cast(x, y, math.cos(angle), math.sin(angle), most * scale, room) / scale
+            from_x = (x + c * origins[b, 0] - s * origins[b, 1]) * scale
+            from_y = (y + s * origins[b, 0] + c * origins[b, 1]) * scale
+            expected = cast(from_x, from_y, math.cos(angle), math.sin(angle), most * scale, room) / scale
             apart = reading - expected
             p = z_hit * math.exp(-apart * apart / (2.0 * sigma * sigma))
             if apart < 0.0:

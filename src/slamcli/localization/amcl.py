@@ -14,7 +14,20 @@ from slamcli.localization.laser_model import Beams, LaserModel, select_beams
 from slamcli.localization.likelihood_field import LocalizationMap
 from slamcli.localization.motion_model import MotionModel
 from slamcli.localization.particles import Estimate, effective_number, estimate, have_converged, resample
+from slamcli.localization.recovery import Averages, draw_near_candidates
+from slamcli.localization.refinement import fit_of, refine_pose, tells_enough
 from slamcli.measurements import LaserScan
+
+_GATHERED_SHARE = 0.9
+"""Of scattered particles, how many are put to where the first scan fits."""
+_UNDECIDED_SHARE, _DECIDED_WEIGHT = 0.1, 0.8
+"""While no group of scattered particles has so much weight, this share goes on being drawn from the scan."""
+_LEAST_SHARE, _CLEARLY_BETTER = 0.02, 0.05
+"""Particles are not drawn elsewhere for less than this share, or where the scan does not fit better by so much."""
+_MOST_VAIN = 4
+"""Searches in vain double the pause between them, at most so often: people around the robot are no reason to search at each scan."""
+_SHORTEST_STEP_S, _LONGEST_STEP_S = 0.01, 0.5
+"""Scans closer together or farther apart do not tell how fast the robot is."""
 
 Array = NDArray[np.float64]
 
@@ -40,10 +53,12 @@ class Amcl:
         self._rng = np.random.default_rng(seed)
         self._motion = MotionModel.of(parameters)
         self._laser = LaserModel(parameters, LocalizationMap.of(grid, parameters))
-        self._T_map_odom, self._pose_odom = np.zeros(3), np.zeros(3)
+        self._T_map_odom, self._pose_odom, self._fitted_odom = np.zeros(3), np.zeros(3), np.zeros(3)
         self._filtered_odom: Array | None = None
         self._due: dict[tuple[str, str], bool] = {}
-        self._slow, self._fast, self._num_used = 0.0, 0.0, 0
+        self._averages = Averages(parameters)
+        self._stamp_ns, self._previous_odom = 0, np.zeros(3)
+        self._velocity: Array | None = None
         p = parameters
         self.set_pose(
             np.array([p.initial_pose_x, p.initial_pose_y, p.initial_pose_a]),
@@ -76,6 +91,16 @@ class Amcl:
         return self._weights.copy()
 
     @property
+    def num_particles(self) -> int:
+        """How many particles there are."""
+        return len(self._poses)
+
+    @property
+    def fit(self) -> float:
+        """How well the last scan used lies on walls at the pose told: 1 if all its readings do, 0 if none or none was used."""
+        return self._fit
+
+    @property
     def converged(self) -> bool:
         """Whether all particles lie within half a metre of their mean, along x and along y."""
         return self._converged
@@ -104,6 +129,7 @@ class Amcl:
     def scatter(self) -> None:
         """Start anew with particles all over the free cells: the robot may be anywhere (global localisation)."""
         self._start(self._laser.map.random_poses(self._parameters.max_particles, self._rng))
+        self._scattered = True
 
     def set_map(self, grid: OccupancyGrid) -> None:
         """Go on with another map, around the pose and the covariance there were; first_map_only ignores it.
@@ -138,22 +164,31 @@ class Amcl:
         self._pose_odom = np.array(pose_odom, dtype=np.float64)
         if not np.isfinite(self._pose_odom).all():
             raise DataError(f"odometry at {scan.stamp_ns} ns is not finite: {self._pose_odom.tolist()}")
-        scanner = (scan.topic, scan.frame_id)
-        first = self._filtered_odom is None
+        p, mount, scanner = self._parameters, np.asarray(T_base_laser, dtype=np.float64), (scan.topic, scan.frame_id)
+        twist = self._twist(scan)
         if not self._is_due(scanner):
+            if p.refine and self._has_moved(self._fitted_odom, p.refine_min_d, p.refine_min_a):
+                self._fit_scan(select_beams(scan, mount, p, max_beams=p.refine_beams, twist=twist).points(), self.pose)
             return False
+        tracked, first = self.pose, self._filtered_odom is None
         if self._filtered_odom is not None:
             self._motion.move(self._poses, se2.between(self._filtered_odom, self._pose_odom), self._rng)
         self._filtered_odom, self._due[scanner] = self._pose_odom, False
-        beams = select_beams(scan, np.asarray(T_base_laser, dtype=np.float64), self._parameters)
+        beams = select_beams(scan, mount, p, twist=twist)
+        points = select_beams(scan, mount, p, max_beams=p.refine_beams, twist=twist).points()
+        if first and self._scattered:
+            self._gather(points)
         if not np.isnan(beams.ranges).all():
             self._weigh(beams)
         self._num_used += 1
-        resampled = self._num_used % self._parameters.resample_interval == 0
+        resampled = self._num_used % p.resample_interval == 0
         if resampled:
-            self._resample()
-        if resampled or first:
+            self._resample(points)
+        if resampled or first or p.refine:
             self._tell()
+        self._fit_scan(points, tracked)
+        if p.proposals == "scan" and tells_enough(points):
+            self._averages.observe(self._fit)
         return True
 
     def _is_due(self, scanner: tuple[str, str]) -> bool:
@@ -162,47 +197,99 @@ class Amcl:
         if self._filtered_odom is None:
             self._due = dict.fromkeys(self._due, True)
         else:
-            moved = np.abs(self._pose_odom - self._filtered_odom)
-            turn = abs(float(se2.wrap_angle(moved[2])))
-            if moved[0] > p.update_min_d or moved[1] > p.update_min_d or turn > p.update_min_a:
+            if self._has_moved(self._filtered_odom, p.update_min_d, p.update_min_a):
                 self._due = dict.fromkeys(self._due, True)
         return self._due.setdefault(scanner, True)
 
+    def _has_moved(self, since: Array, way_m: float, turn_rad: float) -> bool:
+        """Whether the odometry is farther along x or y, or is turned by more, than at `since` (3,)."""
+        dx, dy, turn = np.abs(self._pose_odom - since)
+        return bool(dx > way_m or dy > way_m or abs(float(se2.wrap_angle(turn))) > turn_rad)
+
     def _start(self, poses: Array) -> None:
         self._poses, self._weights = poses, np.full(len(poses), 1.0 / len(poses))
-        self._slow = self._fast = 0.0
-        self._filtered_odom, self._num_used = None, 0
+        self._averages.clear()
+        self._fit, self._pause, self._vain = 0.0, 0, 0
+        self._filtered_odom, self._num_used, self._scattered = None, 0, False
         self._tell()
 
     def _weigh(self, beams: Beams) -> None:
-        p = self._parameters
         weights = self._weights * self._laser.likelihoods(self._poses, beams, converged=self._converged)
         total = float(weights.sum())
         if not total > 0.0:  # nobody explains the scan at all
             self._weights = np.full(len(weights), 1.0 / len(weights))
             return
         self._weights = weights / total
-        mean = total / len(weights)
-        # Probabilistic Robotics, table 8.3, lines 10 and 11.
-        self._slow += (p.recovery_alpha_slow if self._slow else 1.0) * (mean - self._slow)
-        self._fast += (p.recovery_alpha_fast if self._fast else 1.0) * (mean - self._fast)
+        if self._parameters.proposals == "uniform":
+            self._averages.observe(total / len(weights))
 
-    def _resample(self) -> None:
+    def _resample(self, points: Array) -> None:
         p = self._parameters
         if p.selective_resampling and effective_number(self._weights) > 0.5 * len(self._weights):
             return
-        share = max(0.0, 1.0 - self._fast / self._slow) if self._slow > 0.0 else 0.0
-        others = self._laser.map.random_poses(p.max_particles if share > 0.0 else 0, self._rng)
+        share, others = self._others(points)
         self._poses = resample(self._poses, self._weights, others, share, p, self._rng)
         self._weights = np.full(len(self._poses), 1.0 / len(self._poses))
-        if share > 0.0:  # else randomness would feed on itself
-            self._slow = self._fast = 0.0
+
+    def _others(self, points: Array) -> tuple[float, Array]:
+        """Return the share of particles that are drawn elsewhere, and enough poses (O, 3) for them."""
+        p, share = self._parameters, self._averages.share
+        if p.proposals == "uniform":
+            if share > 0.0:  # else randomness would feed on itself
+                self._averages.clear()
+            return share, self._laser.map.random_poses(p.max_particles if share > 0.0 else 0, self._rng)
+        share = max(share, _UNDECIDED_SHARE) if self._scattered else share
+        if share < _LEAST_SHARE:
+            self._pause = self._vain = 0
+        self._pause = max(self._pause - 1, 0)
+        if share < _LEAST_SHARE or self._pause or not tells_enough(points):
+            return 0.0, np.empty((0, 3))
+        better_than = 0.0 if self._scattered else self._fit + _CLEARLY_BETTER
+        others = draw_near_candidates(self._laser.map, points, better_than, p, self._rng)
+        self._vain = 0 if len(others) else min(self._vain + 1, _MOST_VAIN)
+        self._pause = 2**self._vain - 1
+        return share, others
+
+    def _gather(self, points: Array) -> None:
+        """Put most of the scattered particles to where the first scan fits."""
+        if self._parameters.proposals == "uniform" or not tells_enough(points):
+            return
+        near = draw_near_candidates(self._laser.map, points, 0.0, self._parameters, self._rng)
+        num = int(_GATHERED_SHARE * len(near))
+        self._poses[:num] = near[:num]
 
     def _tell(self) -> None:
         """Renew the estimate, and where the odometry's frame lies by it."""
         self._estimate = estimate(self._poses, self._weights)
         self._converged = have_converged(self._poses)
+        self._scattered = self._scattered and self._estimate.best.weight < _DECIDED_WEIGHT
         self._T_map_odom = se2.compose(self._estimate.best.mean, se2.inverse(self._pose_odom))
+        self._told_odom = self._pose_odom
+
+    def _fit_scan(self, points: Array, tracked: Array) -> None:
+        """Lay the scan on the walls, from the particles' mean and from where the robot was `tracked` to; keep how well it fits."""
+        p, best, map_ = self._parameters, self._estimate.best, self._laser.map
+        self._fitted_odom = self._pose_odom
+        if not tells_enough(points) or not (p.refine or p.proposals == "scan"):
+            return
+        refined = None
+        if p.refine:
+            mean = se2.compose(best.mean, se2.between(self._told_odom, self._pose_odom))
+            refined = refine_pose(map_, points, mean, best.covariance, [mean, tracked])
+        if refined is not None:
+            self._T_map_odom = se2.compose(refined.pose, se2.inverse(self._pose_odom))
+        self._fit = refined.fit if refined is not None else fit_of(map_, points, self.pose)
+
+    def _twist(self, scan: LaserScan) -> Array | None:
+        """Return the robot's velocity (3,) since the scan before, None where that is unknown or not wanted."""
+        sweep_s, seconds = abs(scan.time_increment_s) * scan.num_beams, (scan.stamp_ns - self._stamp_ns) * 1e-9
+        if not self._parameters.deskew or sweep_s > _LONGEST_STEP_S:
+            return None
+        if not abs(seconds) < _SHORTEST_STEP_S:  # else it is another scanner's scan of the same time
+            known = 0.0 < seconds < _LONGEST_STEP_S
+            self._velocity = se2.between(self._previous_odom, self._pose_odom) / seconds if known else None
+            self._previous_odom, self._stamp_ns = self._pose_odom, scan.stamp_ns
+        return self._velocity
 
 
 def _root(mean: Array, covariance: Array) -> Array:

@@ -122,6 +122,34 @@ class AmclParameters:
     std_warn_level_y: float = parameter(0.2, _NO_TIME, unit="m", effective=False)
     std_warn_level_yaw: float = parameter(0.1, _NO_TIME, unit="rad", effective=False)
     restore_defaults: bool = parameter(False, _NO_TIME, effective=False)
+    # slamcli's own
+    refine: bool = parameter(
+        True, "lay the scan on the walls from the mean of the particles, and tell that pose; false: the mean itself, as amcl",
+        name="slamcli.refine", extension=True,
+    )  # fmt: skip
+    refine_beams: int = parameter(
+        120, "how many beams of a scan are laid on the walls, evenly spaced", name="slamcli.refine_beams", unit="beams",
+        minimum=2, maximum=100_000, extension=True,
+    )  # fmt: skip
+    refine_min_d: float = parameter(
+        0.05, "a scan is laid on the walls, also between those that are used, after this much motion along x or y",
+        name="slamcli.refine_min_d", unit="m", minimum=0.0, extension=True,
+    )  # fmt: skip
+    refine_min_a: float = parameter(
+        0.05, "likewise, after this much turning", name="slamcli.refine_min_a", unit="rad", minimum=0.0, extension=True
+    )
+    deskew: bool = parameter(
+        True, "put beams to where the moving robot was when each was measured, where scans tell their time_increment",
+        name="slamcli.deskew", extension=True,
+    )  # fmt: skip
+    proposals: str = parameter(
+        "scan", "where scattered and random particles come from: uniform over the free cells, as amcl, drawn when the mean weight falls; or scan, near the poses that explain the scan best, drawn when it fits worse than before and better elsewhere (cf. mixture MCL, Thrun et al. 2001)",
+        name="slamcli.proposals", choices=("scan", "uniform"), extension=True,
+    )  # fmt: skip
+    proposal_candidates: int = parameter(
+        50_000, "how many poses over the whole map are tried with slamcli.proposals=scan", name="slamcli.proposal_candidates",
+        unit="poses", minimum=100, maximum=10_000_000, extension=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         if self.min_particles > self.max_particles:

@@ -14,6 +14,7 @@ from slamcli.localization import _weight_kernels as kernels
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.localization.likelihood_field import LocalizationMap
 from slamcli.measurements import LaserScan
+from slamcli.registration.beams import moved, sweep_times
 
 Array = NDArray[np.float64]
 
@@ -26,8 +27,8 @@ _FARTHEST_M = 1e6
 class Beams:
     """The beams of a scan that a filter uses, seen from the robot."""
 
-    sensor: Array
-    """float64 (2,), metres, where the scanner is."""
+    origins: Array
+    """float64 (B, 2), metres, where the scanner was."""
     bearings: Array
     """float64 (B,), radians about the robot's z axis."""
     ranges: Array
@@ -44,11 +45,16 @@ class Beams:
         """Return float64 (R, 2): where the beams that returned ended, metres."""
         some = self.returned
         angles, ranges = self.bearings[some], self.ranges[some]
-        return self.sensor + np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
+        return self.origins[some] + np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)])
 
 
 def select_beams(
-    scan: LaserScan, T_base_laser: Array, parameters: AmclParameters, max_beams: int | None = None
+    scan: LaserScan,
+    T_base_laser: Array,
+    parameters: AmclParameters,
+    *,
+    max_beams: int | None = None,
+    twist: Array | None = None,
 ) -> Beams:
     """Return the beams of a scan that are used: `max_beams` (laser_max_beams) of them, evenly spaced.
 
@@ -64,6 +70,9 @@ def select_beams(
         Of the filter.
     max_beams
         Instead of laser_max_beams.
+    twist
+        float64 (3,), the robot's velocity (metres and radians per second) during the sweep: beams are put to where they were
+        when they were measured, seen from the robot at the scan's stamp.
     """
     p, wanted = parameters, max_beams or parameters.laser_max_beams
     most = min(scan.range_max_m, p.laser_max_range) if p.laser_max_range > 0.0 else scan.range_max_m
@@ -80,7 +89,11 @@ def select_beams(
         most, ranges = 1.0, ranges * np.nan
     position, yaw, sense = _mount(T_base_laser)
     bearings: Array = yaw + sense * scan.angles_rad[every]
-    return Beams(position, bearings, ranges, most)
+    origins = np.tile(position, (len(every), 1))
+    if twist is not None and scan.time_increment_s != 0.0:
+        times = sweep_times(scan)[every]
+        origins, bearings = moved(origins, times, twist), bearings + times * twist[2]
+    return Beams(origins, bearings, ranges, most)
 
 
 def _mount(T_base_laser: Array) -> tuple[Array, float, float]:
@@ -118,7 +131,15 @@ class LaserModel:
             mixture = (p.laser_z_hit, p.laser_z_short, p.laser_z_max, p.laser_z_rand, p.laser_sigma_hit, p.laser_lambda_short)  # fmt: skip
             bearings, ranges = beams.bearings[answered], np.minimum(beams.ranges[answered], beams.most)
             kernels.beam_cubes(
-                poses, beams.sensor, bearings, ranges, self.map.frame, self.map.room, beams.most, mixture, out
+                poses,
+                beams.origins[answered],
+                bearings,
+                ranges,
+                self.map.frame,
+                self.map.room,
+                beams.most,
+                mixture,
+                out,
             )
             return out
         noise = p.laser_z_rand / beams.most

@@ -15,9 +15,11 @@ from slamcli.grids import OccupancyGrid
 from slamcli.grids.distance import squared_distance
 from slamcli.localization.amcl_parameters import AmclParameters
 
-_OCCUPIED_FROM, _FREE_TO = 65, 19
+OCCUPIED_FROM, _FREE_TO = 65, 19
 """What map_server takes as occupied and free; amcl itself knows 100 and 0 only, which these contain."""
 _MOST_ROOM = 255
+MOST_DISTANCE_M = 1.0
+"""Walls farther from a reading than this do not pull a pose."""
 
 Array = NDArray[np.float64]
 
@@ -32,9 +34,11 @@ class LocalizationMap:
     free: NDArray[np.int64]
     """int64 (F,), flat indices of the free cells."""
     field: NDArray[np.float32]
-    """float32 (H, W), ``z_hit * exp(-d^2 / (2 sigma^2))`` with the distance d to the nearest occupied cell; (0, 0) for the beam model."""
+    """float32 (H, W), ``z_hit * exp(-d^2 / (2 sigma^2))`` with the distance d to the nearest occupied cell."""
     far: float
     """The same at the largest distance: what is off the map."""
+    distances: NDArray[np.float32]
+    """float32 (H, W), metres to the centre of the nearest occupied cell, at most `MOST_DISTANCE_M`."""
     room: NDArray[np.uint8]
     """uint8 (H, W), distance in whole cells to the nearest that is not free, for the beam model; (0, 0) for others."""
 
@@ -47,20 +51,21 @@ class LocalizationMap:
         DataError
             If the map has no free or no occupied cell.
         """
-        occupied, free = grid.cells >= _OCCUPIED_FROM, (grid.cells >= 0) & (grid.cells <= _FREE_TO)
+        occupied, free = grid.cells >= OCCUPIED_FROM, (grid.cells >= 0) & (grid.cells <= _FREE_TO)
         for what, mask in (("free", free), ("occupied", occupied)):
             if not mask.any():
                 raise DataError(
                     f"the map of {grid.width} x {grid.height} cells has no {what} cell: nobody can be localised in it"
                 )
         by_rays = parameters.laser_model_type == "beam"
-        nothing = np.empty((0, 0), dtype=np.float32)
+        squared = squared_distance(occupied)
         return cls(
             grid=grid,
             frame=np.array([*grid.origin, 1.0 / grid.resolution_m]),
             free=np.flatnonzero(free).astype(np.int64),
-            field=nothing if by_rays else _field(occupied, grid.resolution_m, parameters),
-            far=_hit(parameters.laser_likelihood_max_dist, parameters),
+            field=_field(squared, grid.resolution_m, parameters),
+            far=parameters.laser_z_hit * float(_gauss(np.array(parameters.laser_likelihood_max_dist), parameters)),
+            distances=_capped(squared, grid.resolution_m, MOST_DISTANCE_M),
             room=_room(~free) if by_rays else np.empty((0, 0), dtype=np.uint8),
         )
 
@@ -80,19 +85,22 @@ class LocalizationMap:
         return bool(0 <= self.grid.cells[row, column] <= _FREE_TO)
 
 
-def _hit(distance_m: float, parameters: AmclParameters) -> float:
-    return parameters.laser_z_hit * math.exp(-(distance_m**2) / (2.0 * parameters.laser_sigma_hit**2))
+def _gauss(distances_m: Array, parameters: AmclParameters) -> Array:
+    return np.asarray(np.exp(-(distances_m**2) / (2.0 * parameters.laser_sigma_hit**2)))
 
 
-def _field(occupied: NDArray[np.bool_], resolution_m: float, parameters: AmclParameters) -> NDArray[np.float32]:
+def _field(squared: NDArray[np.int64], resolution_m: float, parameters: AmclParameters) -> NDArray[np.float32]:
     most = parameters.laser_likelihood_max_dist
     cells = math.ceil(most / resolution_m)
-    squares = np.arange(cells**2 + 1, dtype=np.float64)
-    distances = np.minimum(np.sqrt(squares) * resolution_m, most)
-    values = parameters.laser_z_hit * np.exp(-(distances**2) / (2.0 * parameters.laser_sigma_hit**2))
-    squared = squared_distance(occupied)
-    np.minimum(squared, cells**2, out=squared)
-    return values.astype(np.float32)[squared]
+    distances = np.minimum(np.sqrt(np.arange(cells**2 + 1)) * resolution_m, most)
+    values = (parameters.laser_z_hit * _gauss(distances, parameters)).astype(np.float32)
+    return values[np.minimum(squared, cells**2)]
+
+
+def _capped(squared: NDArray[np.int64], resolution_m: float, most_m: float) -> NDArray[np.float32]:
+    cells = math.ceil(most_m / resolution_m)
+    distances = np.minimum(np.sqrt(np.arange(cells**2 + 1)) * resolution_m, most_m).astype(np.float32)
+    return distances[np.minimum(squared, cells**2)]
 
 
 def _room(blocked: NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -17,8 +17,8 @@ OSCILLATION, OBSTACLES, FRONT, ALIGNMENT, PATH, GOAL, TWIRLING, TOTAL = 0, 1, 2,
 
 
 @njit(cache=True, nogil=True)
-def line_cost(costs, r0, c0, r1, c1):
-    """Return the greatest cost on a line of cells, -1 if it touches an obstacle or an unknown cell."""
+def between_cost(costs, r0, c0, r1, c1):
+    """Return the greatest cost on the cells of a line without its ends."""
     dr = abs(r1 - r0)
     dc = abs(c1 - c0)
     step_r = 1 if r1 >= r0 else -1
@@ -30,12 +30,7 @@ def line_cost(costs, r0, c0, r1, c1):
     r = r0
     c = c0
     worst = 0
-    for _ in range(length + 1):
-        cost = int(costs[r, c])
-        if cost >= LETHAL:
-            return -1
-        if cost > worst:
-            worst = cost
+    for _ in range(length - 1):
         error += add
         side = error >= length
         if side:
@@ -48,6 +43,7 @@ def line_cost(costs, r0, c0, r1, c1):
             c += step_c
             if side:
                 r += step_r
+        worst = max(worst, int(costs[r, c]))
     return worst
 
 
@@ -62,6 +58,8 @@ def outline_cost(costs, footprint, x, y, cosine, sine, scale, origin_x, origin_y
     last_r = 0
     last_c = 0
     for i in range(count + 1):
+        r = first_r
+        c = first_c
         if i < count:
             px = footprint[i, 0] * scale
             py = footprint[i, 1] * scale
@@ -69,18 +67,14 @@ def outline_cost(costs, footprint, x, y, cosine, sine, scale, origin_x, origin_y
             r = math.floor((y + sine * px + cosine * py - origin_y) / resolution)
             if r < 0 or c < 0 or r >= height or c >= width:
                 return -1
-        else:
-            r = first_r
-            c = first_c
+            worst = max(worst, int(costs[r, c]))
         if i == 0:
             first_r = r
             first_c = c
-        else:
-            cost = line_cost(costs, last_r, last_c, r, c)
-            if cost < 0:
-                return -1
-            if cost > worst:
-                worst = cost
+        elif abs(r - last_r) > 1 or abs(c - last_c) > 1:
+            worst = max(worst, between_cost(costs, last_r, last_c, r, c))
+        if worst >= LETHAL:
+            return -1
         last_r = r
         last_c = c
     return worst
@@ -105,36 +99,46 @@ def clearance_squared(costs, x, y, radius, origin_x, origin_y, resolution):
 
 
 @njit(cache=True, nogil=True)
-def roll_out(pose, twist, sample, acc, sim_time, step_m, step_rad, accelerate, points):
-    """Write the poses of a motion, float64 (N, 3); return their number, 0 for none, and set points[N - 1] last.
+def roll_out(pose, twist, sample, acc, rollout, goal, accelerate, points):
+    """Write a motion, float64 (N, 5): x, y, yaw, its cosine and sine; return N, 0 for none.
 
     The first point is the pose itself; the place after the whole of sim_time is not among them, as in base_local_planner.
+    `goal` is x, y, a radius and a time: motions end so long after they come within the radius, apart from the time that
+    braking takes (negative radius: they do not).
     """
     speed = math.hypot(sample[0], sample[1])
-    steps = math.ceil(max(speed * sim_time / step_m, abs(sample[2]) * sim_time / step_rad))
+    steps = math.ceil(max(speed * rollout[0] / rollout[1], abs(sample[2]) * rollout[0] / rollout[2]))
     if steps <= 0:
         return 0
     steps = min(steps, len(points))
-    dt = sim_time / steps
+    dt = rollout[0] / steps
     x, y, yaw = pose[0], pose[1], pose[2]
     vx, vy, w = sample[0], sample[1], sample[2]
     if accelerate:
         vx = towards(sample[0], twist[0], acc[0] * dt)
         vy = towards(sample[1], twist[1], acc[1] * dt)
         w = towards(sample[2], twist[2], acc[2] * dt)
+    cosine, sine = math.cos(yaw), math.sin(yaw)
+    cosine_step, sine_step = math.cos(w * dt), math.sin(w * dt)
+    end = steps
     for i in range(steps):
-        points[i, 0] = x
-        points[i, 1] = y
-        points[i, 2] = yaw
+        if i >= end:
+            return i
+        if end == steps and math.hypot(goal[0] - x, goal[1] - y) <= goal[2]:
+            braking = 0.5 * speed / max(acc[0], acc[1], 1e-3)
+            end = min(steps, i + 1 + math.ceil((goal[3] + braking) / dt))
+        points[i, 0], points[i, 1], points[i, 2], points[i, 3], points[i, 4] = x, y, yaw, cosine, sine
         if accelerate:
             vx = towards(sample[0], vx, acc[0] * dt)
             vy = towards(sample[1], vy, acc[1] * dt)
             w = towards(sample[2], w, acc[2] * dt)
-        cosine = math.cos(yaw)
-        sine = math.sin(yaw)
         x += (vx * cosine - vy * sine) * dt
         y += (vx * sine + vy * cosine) * dt
         yaw += w * dt
+        if accelerate:
+            cosine, sine = math.cos(yaw), math.sin(yaw)
+        else:
+            cosine, sine = cosine * cosine_step - sine * sine_step, sine * cosine_step + cosine * sine_step
     return steps
 
 
@@ -173,17 +177,20 @@ def grid_costs(points, count, grids, origin_x, origin_y, resolution, shift, soft
     c = 0
     front_r = 0
     front_c = 0
+    far_x = width * resolution - shift
+    far_y = height * resolution - shift
     for i in range(count):
         x = points[i, 0] - origin_x
         y = points[i, 1] - origin_y
         c = math.floor(x / resolution)
         r = math.floor(y / resolution)
-        front_c = math.floor((x + shift * math.cos(points[i, 2])) / resolution)
-        front_r = math.floor((y + shift * math.sin(points[i, 2])) / resolution)
         if r < 0 or c < 0 or r >= height or c >= width:
             return OFF_MAP
-        if front_r < 0 or front_c < 0 or front_r >= height or front_c >= width:
-            return OFF_MAP
+        if i == count - 1 or x <= shift or y <= shift or x >= far_x or y >= far_y:
+            front_c = math.floor((x + shift * points[i, 3]) / resolution)
+            front_r = math.floor((y + shift * points[i, 4]) / resolution)
+            if front_r < 0 or front_c < 0 or front_r >= height or front_c >= width:
+                return OFF_MAP
         for k in range(1, 3):
             if grids[k, r, c] == size:
                 return BLOCKED
@@ -212,12 +219,16 @@ def obstacle_cost(
 
     `around` has the greatest cost within `reach` cells of each cell, which saves looking where nothing can be found. With
     `escape` a motion that begins in an obstacle may go on as long as it does not come nearer to it. Costs above `most`
-    need not be exact.
+    need not be exact. A motion that begins free is looked at from its end, where there are more obstacles.
     """
     height, width = costs.shape
     total = 0.0
     clearance = -1.0
-    for i in range(count):
+    backward = False
+    for k in range(count):
+        if k == 1:
+            backward = clearance < 0.0
+        i = count - k if backward else k
         x = points[i, 0]
         y = points[i, 1]
         c = math.floor((x - origin_x) / resolution)
@@ -230,18 +241,7 @@ def obstacle_cost(
                 continue
         elif r < 0 or c < 0 or r >= height or c >= width:
             return OBSTACLE
-        cost = outline_cost(
-            costs,
-            footprint,
-            x,
-            y,
-            math.cos(points[i, 2]),
-            math.sin(points[i, 2]),
-            scale,
-            origin_x,
-            origin_y,
-            resolution,
-        )
+        cost = outline_cost(costs, footprint, x, y, points[i, 3], points[i, 4], scale, origin_x, origin_y, resolution)
         if cost < 0:
             if not escape or (i > 0 and clearance < 0.0):
                 return OBSTACLE
@@ -261,34 +261,20 @@ def obstacle_cost(
 
 @njit(cache=True, nogil=True)
 def score(
-    samples,
-    pose,
-    twist,
-    acc,
-    rollout,
-    limits,
-    forbidden,
-    costs,
-    around,
-    reach,
-    footprint,
-    grids,
-    origin,
-    resolution,
-    scales,
-    shift,
-    growth,
-    switches,
-    points,
-    commands,
-    table,
-):
+    samples, pose, twist, acc, rollout, goal, limits, forbidden, costs, around, reach, footprint, grids, origin,
+    resolution, scales, shift, growth, switches, points, commands, table,
+):  # fmt: skip
     """Fill the table of costs, float64 (S, 8), and the commands (S, 3); return the cheapest motion's row, -1 for none.
+
+    What distances cost comes first. Then footprints are laid down from the cheapest motion on, until no other can be
+    cheaper; the first of equals is taken.
 
     Parameters
     ----------
     rollout
         sim_time, sim_granularity, angular_sim_granularity.
+    goal
+        See `roll_out`.
     limits
         min_vel_trans, max_vel_trans, min_vel_theta.
     scales
@@ -298,74 +284,70 @@ def score(
     switches
         bool (6,): accelerate along the motion, sum scores, escape, soft nose, turns in place hit nothing, prune.
     """
-    accelerate, sum_scores, escape, soft, free_turns, prune = (
-        switches[0],
-        switches[1],
-        switches[2],
-        switches[3],
-        switches[4],
-        switches[5],
-    )
-    best = -1
+    accelerate, prune = switches[0], switches[5]
+    known = np.empty(len(samples))
     for s in range(len(samples)):
+        known[s] = distance_costs(
+            samples[s], pose, twist, acc, rollout, goal, limits, forbidden, grids, origin, resolution, scales, shift,
+            accelerate, switches[3], points, commands[s], table[s],
+        )  # fmt: skip
+    best = -1
+    for s in np.argsort(known, kind="mergesort"):
         row = table[s]
-        for k in range(8):
-            row[k] = 0.0
-        sample = samples[s]
-        row[TOTAL] = allowed(sample, limits[0], limits[1], limits[2], forbidden)
-        if row[TOTAL] < 0.0:
-            continue
-        count = roll_out(pose, twist, sample, acc, rollout[0], rollout[1], rollout[2], accelerate, points)
-        if count == 0:
-            row[TOTAL] = NOT_SAMPLED
-            continue
-        for k in range(3):
-            commands[s, k] = sample[k]
-            if accelerate:
-                commands[s, k] = towards(sample[k], twist[k], acc[k] * rollout[0] / count)
-        status = grid_costs(points, count, grids, origin[0], origin[1], resolution, shift, soft, row)
-        if status < 0.0 and prune:
-            row[TOTAL] = status
-            continue
-        row[TWIRLING] = abs(commands[s, 2])
-        known = 0.0
-        for k in range(FRONT, TOTAL):
-            row[k] *= scales[k]
-            known += row[k]
         most = np.inf
-        if prune and best >= 0 and scales[OBSTACLES] > 0.0:
-            if known > table[best, TOTAL] + 1e-9:
-                row[TOTAL] = PRUNED
+        if prune:
+            if row[TOTAL] < 0.0:
                 continue
-            most = (table[best, TOTAL] + 1e-9 - known) / scales[OBSTACLES]
-        scale = 1.0
+            if best >= 0:
+                if known[s] > table[best, TOTAL] + 1e-9:
+                    row[TOTAL] = PRUNED
+                    continue
+                if scales[OBSTACLES] > 0.0:
+                    most = (table[best, TOTAL] + 1e-9 - known[s]) / scales[OBSTACLES]
+        elif row[TOTAL] == NOT_SAMPLED or row[TOTAL] == OSCILLATES:
+            continue
+        count = roll_out(pose, twist, samples[s], acc, rollout, goal, accelerate, points)
         speed = math.hypot(commands[s, 0], commands[s, 1])
+        scale = 1.0
         if growth[1] > 0.0 and speed > growth[0] and limits[1] > growth[0]:
             scale = 1.0 + growth[1] * (speed - growth[0]) / (limits[1] - growth[0])
-        turns = sample[0] == 0.0 and sample[1] == 0.0 and not accelerate
+        turns = switches[4] and speed == 0.0
         cost = obstacle_cost(
-            points,
-            1 if turns and free_turns else count,
-            costs,
-            around,
-            reach,
-            footprint,
-            scale,
-            origin[0],
-            origin[1],
-            resolution,
-            sum_scores,
-            escape or (turns and free_turns),
-            most,
-        )
-        if cost < 0.0 or status < 0.0:
-            row[TOTAL] = cost if cost < 0.0 else status
+            points, 1 if turns else count, costs, around, reach, footprint, scale, origin[0], origin[1], resolution,
+            switches[1], switches[2] or turns, most,
+        )  # fmt: skip
+        if cost < 0.0:
+            row[TOTAL] = cost
+        if row[TOTAL] < 0.0:
             continue
         row[OBSTACLES] = cost * scales[OBSTACLES]
-        total = 0.0
-        for k in range(TOTAL):
-            total += row[k]
-        row[TOTAL] = total
-        if best < 0 or total < table[best, TOTAL]:
+        row[TOTAL] = row[:TOTAL].sum()
+        if best < 0 or row[TOTAL] < table[best, TOTAL] or (row[TOTAL] == table[best, TOTAL] and s < best):
             best = s
     return best
+
+
+@njit(cache=True, nogil=True)
+def distance_costs(
+    sample, pose, twist, acc, rollout, goal, limits, forbidden, grids, origin, resolution, scales, shift, accelerate,
+    soft, points, command, row,
+):  # fmt: skip
+    """Fill a motion's command and all costs but that of obstacles; return their sum, inf for a motion that is out."""
+    row[:] = 0.0
+    row[TOTAL] = allowed(sample, limits[0], limits[1], limits[2], forbidden)
+    if row[TOTAL] < 0.0:
+        return np.inf
+    count = roll_out(pose, twist, sample, acc, rollout, goal, accelerate, points)
+    if count == 0:
+        row[TOTAL] = NOT_SAMPLED
+        return np.inf
+    for k in range(3):
+        command[k] = towards(sample[k], twist[k], acc[k] * rollout[0] / count) if accelerate else sample[k]
+    row[TOTAL] = grid_costs(points, count, grids, origin[0], origin[1], resolution, shift, soft, row)
+    if row[TOTAL] < 0.0:
+        row[FRONT:TOTAL] = 0.0
+        return np.inf
+    row[TWIRLING] = abs(command[2])
+    for k in range(FRONT, TOTAL):
+        row[k] *= scales[k]
+    return row[FRONT:TOTAL].sum()

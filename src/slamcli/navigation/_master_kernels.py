@@ -18,36 +18,32 @@ IDLE, LOST, SEEN = 0, 1, 2
 @njit(cache=True, nogil=True)
 def put_maximum(layer, box, out):
     """Raise the cells of `out` within `box` to those of `layer`; unknown ones of the layer change nothing, of `out` count as nothing."""
-    for row in range(box[0], box[1]):
-        for column in range(box[2], box[3]):
-            value, old = layer[row, column], out[row, column]
-            if value != UNKNOWN and (old == UNKNOWN or old < value):
-                out[row, column] = value
+    above, below = layer[box[0] : box[1], box[2] : box[3]], out[box[0] : box[1], box[2] : box[3]]
+    for i in range(above.shape[0]):
+        for j in range(above.shape[1]):
+            value, old = above[i, j], below[i, j]
+            below[i, j] = value if (value != UNKNOWN) & ((old == UNKNOWN) | (old < value)) else old
 
 
 @njit(cache=True, nogil=True)
 def put_known(layer, box, out):
     """Overwrite the cells of `out` within `box` by those of `layer` that are not unknown."""
-    for row in range(box[0], box[1]):
-        for column in range(box[2], box[3]):
-            if layer[row, column] != UNKNOWN:
-                out[row, column] = layer[row, column]
+    above, below = layer[box[0] : box[1], box[2] : box[3]], out[box[0] : box[1], box[2] : box[3]]
+    for i in range(above.shape[0]):
+        for j in range(above.shape[1]):
+            below[i, j] = above[i, j] if above[i, j] != UNKNOWN else below[i, j]
 
 
 @njit(cache=True, nogil=True)
 def put_all(layer, box, out):
     """Overwrite the cells of `out` within `box` by those of `layer`."""
-    for row in range(box[0], box[1]):
-        for column in range(box[2], box[3]):
-            out[row, column] = layer[row, column]
+    out[box[0] : box[1], box[2] : box[3]] = layer[box[0] : box[1], box[2] : box[3]]
 
 
 @njit(cache=True, nogil=True)
 def put_value(value, box, out):
     """Write one cost to the cells of `out` within `box`."""
-    for row in range(box[0], box[1]):
-        for column in range(box[2], box[3]):
-            out[row, column] = value
+    out[box[0] : box[1], box[2] : box[3]] = value
 
 
 @njit(cache=True, nogil=True)
@@ -55,12 +51,14 @@ def raise_around(decay, template, row, column):
     """Raise `decay` around an obstacle to `template` (2R + 1, 2R + 1), whose middle is the obstacle."""
     height, width = decay.shape
     reach = template.shape[0] // 2
+    first_row, last_row = max(0, row - reach), min(height, row + reach + 1)
     first, last = max(0, column - reach), min(width, column + reach + 1)
-    for i in range(max(0, row - reach), min(height, row + reach + 1)):
-        cells = decay[i, first:last]
-        values = template[i - row + reach, first - column + reach : last - column + reach]
-        for k in range(len(cells)):
-            cells[k] = max(cells[k], values[k])
+    cells = decay[first_row:last_row, first:last]
+    values = template[first_row - row + reach : last_row - row + reach, first - column + reach : last - column + reach]
+    for i in range(cells.shape[0]):
+        for j in range(cells.shape[1]):
+            value, old = values[i, j], cells[i, j]
+            cells[i, j] = value if value > old else old
 
 
 @njit(cache=True, nogil=True)

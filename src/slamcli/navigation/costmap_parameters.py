@@ -65,6 +65,7 @@ class CostmapParameters:
         name="inflation_layer.cost_scaling_factor",
         unit="1/m",
         minimum=0.0,
+        maximum=1e6,
     )
     inflate_unknown: bool = parameter(
         False, "Inflation also gives a cost to unknown cells.", name="inflation_layer.inflate_unknown"
@@ -77,7 +78,7 @@ class CostmapParameters:
     )
     global_frame: str = parameter("map", "Frame of the map and of the path that is written.")
     robot_base_frame: str = parameter("base_link", "Frame of the robot.")
-    transform_tolerance: float = parameter(0.3, _NO_TIME, unit="s", effective=False)
+    transform_tolerance: float = parameter(0.3, _NO_TIME, unit="s", maximum=1e6, effective=False)
     update_frequency: float = parameter(
         5.0, "How often the costmap is updated; 0: never.", unit="Hz", minimum=0.0, maximum=1000.0
     )

@@ -14,6 +14,7 @@ from slamcli.navigation.dwa_scoring import DwaScoring, Scaling, ScoredMotions
 from slamcli.navigation.goal_latch import GoalLatch, GoalTolerances
 from slamcli.navigation.local_planner import LocalCommand, NoCommandError
 from slamcli.navigation.oscillation import Oscillation
+from slamcli.navigation.plan_heading import TurnToPlan
 from slamcli.navigation.plan_window import LocalPlan, PlanWindow
 from slamcli.navigation.robot_state import RobotState
 from slamcli.navigation.velocity_samples import sample_velocities
@@ -56,18 +57,21 @@ class DwaPlanner:
             period_s=control_period_s,
         )
         self._latch = GoalLatch(self._tolerances)
+        self._turn = TurnToPlan(parameters.turn_to_plan, self._tolerances)
         self._oscillation = Oscillation(parameters.oscillation_reset_dist, parameters.oscillation_reset_angle)
 
     def set_plan(self, plan: NDArray[np.float64]) -> None:
         """Take a new global plan, float64 (N, 3), map frame. A new goal resets the latch and the oscillation flags."""
         if self._plans.set_plan(plan):
             self._latch.reset()
+            self._turn.reset()
             self._oscillation.reset()
 
     def reset(self) -> None:
         """Forget plan, latch and oscillation."""
         self._plans.clear()
         self._latch.reset()
+        self._turn.reset()
         self._oscillation.reset()
 
     def is_goal_reached(self, state: RobotState) -> bool:
@@ -84,13 +88,14 @@ class DwaPlanner:
         """
         plan = self._plans.cut(state, costmap)
         pose = state.pose_odom
-        self._scoring.prepare(pose, plan.poses, costmap)
+        self._scoring.prepare(pose, plan.poses, costmap, ends=plan.reaches_goal)
         if self._latch.position_reached(pose, plan.goal):
             twist = self._latch.command(pose, plan.goal, state.twist, lambda sample: self._is_free(state, sample))
             return LocalCommand(twist=twist, trajectory=np.empty((0, 3)), cost=0.0)
-        motions = self._scoring.score(pose, state.twist, self._samples(state, plan), self._oscillation.forbidden)
-        if motions.chosen < 0:
-            raise NoCommandError(f"none of {len(motions.samples)} motions will do: {motions.refusals()}")
+        turn = self._turn.command(pose, state.twist, plan.poses, 2.0 * self.parameters.min_vel_trans)
+        if turn is not None and self._is_free(state, turn):
+            return LocalCommand(twist=turn, trajectory=np.empty((0, 3)), cost=0.0)
+        motions = self._best(state, self._samples(state, plan))
         command = motions.commands[motions.chosen].copy()
         self._oscillation.update(pose, command, self.parameters.min_vel_trans)
         return LocalCommand(
@@ -108,9 +113,27 @@ class DwaPlanner:
             If there is no plan within the costmap.
         """
         plan = self._plans.cut(state, costmap)
-        self._scoring.prepare(state.pose_odom, plan.poses, costmap)
+        self._scoring.prepare(state.pose_odom, plan.poses, costmap, ends=plan.reaches_goal)
         samples = self._samples(state, plan)
         return self._scoring.score(state.pose_odom, state.twist, samples, self._oscillation.forbidden, every=True)
+
+    def _best(self, state: RobotState, samples: NDArray[np.float64]) -> ScoredMotions:
+        """Return scored motions of which one is chosen; those that get on are looked at first."""
+        forbidden = self._oscillation.forbidden
+        refusals = ""
+        for tried in self._stages(samples):
+            motions = self._scoring.score(state.pose_odom, state.twist, tried, forbidden)
+            if motions.chosen >= 0:
+                return motions
+            refusals = refusals or motions.refusals()
+        raise NoCommandError(f"none of {len(samples)} motions will do: {motions.refusals() or refusals}")
+
+    def _stages(self, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        if not self.parameters.progress:
+            return [samples]
+        gets_on = np.hypot(samples[:, 0], samples[:, 1]) >= self.parameters.min_vel_trans - 1e-4
+        gets_on &= samples[:, 0] >= 0.0
+        return [samples[gets_on], samples[~gets_on]]
 
     def _samples(self, state: RobotState, plan: LocalPlan) -> NDArray[np.float64]:
         distance = math.hypot(*(plan.poses[-1, :2] - state.pose_odom[:2]))

@@ -22,6 +22,19 @@ ALIASES = {
 }
 """Names from before release 1.16 (kinetic and older)."""
 
+AS_DWAPLANNERROS = {
+    "follow_progress": False,
+    "free_local_goal": False,
+    "escape": False,
+    "turn_in_place": False,
+    "soft_nose": False,
+    "stop_at_goal": False,
+    "progress": False,
+    "turn_to_plan": 0.0,
+    "scale_footprint": False,
+}
+"""Values of slamcli's own parameters that leave DWAPlannerROS as it is."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DwaParameters:
@@ -159,6 +172,27 @@ class DwaParameters:
         True,
         "Where the point ahead of the robot ends in an obstacle, count a detour of twice its distance. false, as"
         " DWAPlannerROS: as many cells as the costmap has, which keeps the robot from goals that it faces a wall at.",
+        extension=True,
+    )
+    stop_at_goal: bool = parameter(
+        True,
+        "Look at motions only as far as the goal, where the robot stops. false, as DWAPlannerROS: for all of sim_time,"
+        " which rules goals close to a wall out.",
+        extension=True,
+    )
+    progress: bool = parameter(
+        True,
+        "Take a motion of at least min_vel_trans that is not backwards, if one is valid. false, as DWAPlannerROS: also"
+        " turning in place and backing up, if they cost less, by which the robot can hang in front of its goal.",
+        extension=True,
+    )
+    turn_to_plan: float = parameter(
+        0.6,
+        "Standing or slower than min_vel_trans, turn in place towards the plan where it leads off by more than this. 0, as"
+        " DWAPlannerROS: never.",
+        unit="rad",
+        minimum=0.0,
+        maximum=math.pi,
         extension=True,
     )
     scale_footprint: bool = parameter(False, "Apply scaling_speed and max_scaling_factor.", extension=True)

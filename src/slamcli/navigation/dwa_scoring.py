@@ -28,6 +28,8 @@ REASONS = {
     int(kernels.PRUNED): "cost more than the best one",
 }
 """Why a motion is out, by its total."""
+_WITHIN = 0.97
+_REACTION_S = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,11 +76,15 @@ class DwaScoring:
         self._growth = np.array([parameters.scaling_speed, growth])
         speed = max(parameters.max_vel_trans, math.hypot(parameters.max_vel_x, parameters.max_vel_y)) + 1e-3
         steps = max(speed / parameters.sim_granularity, parameters.max_vel_theta / parameters.angular_sim_granularity)
-        self._points = np.zeros((math.ceil(parameters.sim_time * steps) + 2, 3))
+        self._points = np.zeros((math.ceil(parameters.sim_time * steps) + 2, 5))
         self._shape = (0, 0)
 
-    def prepare(self, pose: NDArray[np.float64], plan: NDArray[np.float64], costmap: CostWindow) -> None:
+    def prepare(
+        self, pose: NDArray[np.float64], plan: NDArray[np.float64], costmap: CostWindow, *, ends: bool = False
+    ) -> None:
         """Grow distances from the plan (N, 3) and its end over the costmap; poses in the costmap's frame.
+
+        `ends` tells that the robot is to stop at the plan's end, and motions are not looked at beyond it.
 
         Raises
         ------
@@ -87,11 +93,13 @@ class DwaScoring:
         """
         self._fit(costmap)
         self._costmap = costmap
+        radius = _WITHIN * self._parameters.xy_goal_tolerance if ends and self._parameters.stop_at_goal else -1.0
+        self._goal = np.array([plan[-1, 0], plan[-1, 1], radius, _REACTION_S])
         parameters = self._parameters
         growth = 1.0 + float(self._growth[1])
         self._reach = math.ceil(costmap.circumscribed_radius_m * growth / costmap.resolution_m) + 1
         grid_kernels.box_maximum(costmap.costs, self._reach, self._rows, self._around)
-        self._clear(pose, costmap)
+        self._find_open_cells(pose, costmap)
         offset = plan[-1, :2] - pose[:2]
         nose = plan.copy()
         angle = math.atan2(offset[1], offset[0])
@@ -129,12 +137,10 @@ class DwaScoring:
         self, pose: NDArray[np.float64], twist: NDArray[np.float64], sample: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the poses (N, 3) of a motion."""
-        rollout = self._rollout
-        accelerate = not self._parameters.use_dwa
         count = kernels.roll_out(
-            pose, twist, sample, self._acc, rollout[0], rollout[1], rollout[2], accelerate, self._points
+            pose, twist, sample, self._acc, self._rollout, self._goal, not self._parameters.use_dwa, self._points
         )
-        return self._points[:count].copy()
+        return self._points[:count, :3].copy()
 
     def _run(
         self,
@@ -166,6 +172,7 @@ class DwaScoring:
                 twist,
                 self._acc,
                 self._rollout,
+                self._goal,
                 self._limits,
                 forbidden,
                 costmap.costs,
@@ -191,17 +198,17 @@ class DwaScoring:
             height, width = self._shape = costmap.costs.shape
             self._grids = np.zeros((3, height, width), dtype=np.int64)
             self._queue = np.zeros(height * width, dtype=np.int64)
+            self._open, self._flat = (np.zeros((height + 2) * (width + 2), dtype=np.int64) for _ in range(2))
             self._rows = np.zeros((height, width), dtype=np.uint8)
             self._around = np.zeros((height, width), dtype=np.uint8)
             self._cells = np.zeros(4 * (height + width), dtype=np.int64)
 
-    def _clear(self, pose: NDArray[np.float64], costmap: CostWindow) -> None:
-        """Note the cells around the robot whose inflation does not block its way."""
+    def _find_open_cells(self, pose: NDArray[np.float64], costmap: CostWindow) -> None:
+        """Note what can be passed; with `escape` inflation around the robot does not block its way."""
         (x, y), resolution = costmap.origin_m, costmap.resolution_m
-        self._row = math.floor((pose[1] - y) / resolution)
-        self._column = math.floor((pose[0] - x) / resolution)
-        radius = costmap.inscribed_radius_m / resolution + 1.0
-        self._clear_radius = radius if self._parameters.escape else -1.0
+        row, column = math.floor((pose[1] - y) / resolution), math.floor((pose[0] - x) / resolution)
+        radius = costmap.inscribed_radius_m / resolution + 1.0 if self._parameters.escape else -1.0
+        grid_kernels.open_cells(costmap.costs, row, column, radius, self._open)
 
     def _plan_cells(self, plan: NDArray[np.float64], costmap: CostWindow) -> NDArray[np.int64]:
         x, y = costmap.origin_m
@@ -220,9 +227,8 @@ class DwaScoring:
         return cells[-1:]
 
     def _spread(self, place: int, targets: NDArray[np.int64]) -> None:
-        grid_kernels.spread(
-            self._costmap.costs, targets, self._row, self._column, self._clear_radius, self._queue, self._grids[place]
-        )
+        height, width = self._shape
+        grid_kernels.spread(self._open, height, width, targets, self._queue, self._flat, self._grids[place])
 
     def _weights(self, resolution_m: float, *, aligned: bool) -> NDArray[np.float64]:
         """Return float64 (7,), what the critics' figures are multiplied by."""

@@ -65,7 +65,9 @@ class LayeredCostmap:
         ]
         self._inflation = self._inflation_layer()
         self._below = np.full(self._extent.shape, self._default, dtype=np.uint8)
-        self._everything = True
+        self._is_new = True
+        self._is_stale = False
+        self._next_map: OccupancyGrid | None = None
         self.time_s = 0.0
         """Of the last update, simulated seconds."""
 
@@ -112,27 +114,29 @@ class LayeredCostmap:
         """
         self.time_s = time_s
         pose = np.asarray(pose, dtype=np.float64)
+        if self._static is not None and self._next_map is not None:
+            self._take_map(self._static, self._next_map)
         if self.parameters.costmap.rolling_window:
             self._follow(pose)
         touched = self._extent.nothing()
         for layer in self._obstacles:
             layer.update(self.footprint, pose, touched)
-        if self._everything or (self._static is not None and self.parameters.costmap.rolling_window):
+        if self._is_new or self._is_stale or (self._static is not None and self.parameters.costmap.rolling_window):
             touched = self._extent.everything()
         if touched[0] < touched[1]:
             self._stack(touched, None if T_map_frame is None else np.asarray(T_map_frame, dtype=np.float64))
         changed = self._extent.nothing()
-        if self._everything:
+        if self._is_new:
             self._inflation.recompute(self._below, changed)
             changed = self._extent.everything()
         else:
             self._inflation.advance(self._below, touched, changed)
-        self._everything = False
+        self._is_new = self._is_stale = False
         bounds = CellBounds(*(int(v) for v in changed))
         return CellBounds(0, 0, 0, 0) if bounds.empty else bounds
 
     def window(self) -> CostWindow:
-        """Return the costs as they are now, a view."""
+        """Return the costs as the last update left them, a view; free before the first one."""
         x, y = self._extent.corner
         return CostWindow(
             costs=self._inflation.costs,
@@ -145,21 +149,21 @@ class LayeredCostmap:
         )
 
     def set_map(self, grid: OccupancyGrid) -> None:
-        """Take another map for the static layer, of any size and origin; obstacles stay where both lie.
+        """Take another map for the static layer, of any size and origin, with the next update; obstacles stay where both lie.
 
         Nothing happens without a static layer, or with first_map_only.
         """
-        if self._static is None or self.parameters.costmap.first_map_only:
-            return
-        self._static.set_map(grid)
-        if not self.parameters.costmap.rolling_window:
-            self._place(self._static.extent)
-        self._everything = True
+        if self._static is not None and not self.parameters.costmap.first_map_only:
+            self._next_map = grid
+
+    def start_over(self) -> None:
+        """Let the next update compute everything anew from what the layers know; that changes nothing but its duration."""
+        self._is_new = True
 
     def clear_outside(self, pose: ArrayLike, half_width_m: float, layer_names: Collection[str]) -> tuple[str, ...]:
         """Forget what layers know outside a square around the robot; return the names of those that were found.
 
-        As costmap_2d's ClearCostmapRecovery: what is forgotten counts as unknown of this layer, and the next update recomputes all.
+        As costmap_2d's ClearCostmapRecovery: the layer says nothing of these cells any more, and the next update looks at all of them.
 
         Parameters
         ----------
@@ -194,7 +198,7 @@ class LayeredCostmap:
         found = [layer for layer in layers if layer.name.rpartition("/")[2] in layer_names]
         for layer in found:
             layer.forget(cells)
-            self._everything = True
+            self._is_stale = True
         return tuple(layer.name for layer in found)
 
     def _follow(self, pose: NDArray[np.float64]) -> None:
@@ -204,7 +208,14 @@ class LayeredCostmap:
         self._extent = self._extent.moved(rows, columns)
         for layer in self._obstacles:
             layer.place(self._extent)
-        self._everything = True
+        self._is_new = True
+
+    def _take_map(self, static: StaticLayer, grid: OccupancyGrid) -> None:
+        static.set_map(grid)
+        self._next_map = None
+        if not self.parameters.costmap.rolling_window:
+            self._place(static.extent)
+        self._is_stale = True
 
     def _place(self, extent: Extent) -> None:
         offset = extent.offset_from(self._extent)
@@ -214,6 +225,7 @@ class LayeredCostmap:
         for layer in self._obstacles:
             layer.place(extent)
         self._inflation.place(extent)
+        self._is_new = True
         self._below = np.full(extent.shape, self._default, dtype=np.uint8)
 
     def _stack(self, box: NDArray[np.int64], T_map_frame: NDArray[np.float64] | None) -> None:

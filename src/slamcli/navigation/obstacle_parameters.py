@@ -12,11 +12,9 @@ _NO_TF = "Accepted; poses are known without waiting."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObservationSource:
-    """One sensor of an obstacle layer."""
+class SourceParameters:
+    """What files say of one sensor of an obstacle layer."""
 
-    name: str = "laser_scan"
-    """What the layer calls it; `Observation.source` refers to it."""
     topic: str = parameter("", "Topic of the sensor; empty: the name of the source.")
     sensor_frame: str = parameter("", "Where beams begin; empty: the frame of the message.")
     observation_persistence: float = parameter(
@@ -58,8 +56,17 @@ class ObservationSource:
     def __post_init__(self) -> None:
         if self.min_obstacle_height > self.max_obstacle_height:
             raise ConfigError(
-                f"source {self.name!r}: min_obstacle_height is above max_obstacle_height: it sees nothing"
+                f"min_obstacle_height={self.min_obstacle_height:g} is above"
+                f" max_obstacle_height={self.max_obstacle_height:g}: the source would see nothing"
             )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObservationSource(SourceParameters):
+    """One sensor of an obstacle layer."""
+
+    name: str = "laser_scan"
+    """What the layer calls it; `Observation.source` refers to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,20 +25,23 @@ class ClearableCostmap(Protocol):
     def window(self) -> CostWindow:
         """Return what planners see."""
 
-    def clear_outside(self, pose: Array, half_width_m: float, layer_names: tuple[str, ...]) -> None:
+    def clear_outside(self, pose: Array, half_width_m: float, layer_names: tuple[str, ...]) -> object:
         """Forget what the named layers hold outside a square around the robot."""
 
-    def clear_inside(self, pose: Array, half_width_m: float, layer_names: tuple[str, ...]) -> None:
+    def clear_inside(self, pose: Array, half_width_m: float, layer_names: tuple[str, ...]) -> object:
         """Forget what they hold inside it."""
 
 
 class Costmaps(Protocol):
     """Both costmaps of move_base."""
 
-    world: ClearableCostmap
-    """In the map frame."""
-    local: ClearableCostmap
-    """In the odometry frame."""
+    @property
+    def world(self) -> ClearableCostmap:
+        """In the map frame."""
+
+    @property
+    def local(self) -> ClearableCostmap:
+        """In the odometry frame."""
 
 
 class Recovery(Protocol):

@@ -102,9 +102,20 @@ def load_native(
     UsageError
         If there is no such tier.
     """
+    return load_declared(algo, find_tier(algo).parameters, files, sets, log, arguments)
+
+
+def load_declared(
+    algo: str,
+    kind: type,
+    files: Sequence[Path] = (),
+    sets: Sequence[str] = (),
+    log: RunLog | None = None,
+    arguments: Mapping[str, str] | None = None,
+) -> NativeConfig:
+    """Do as `load_native` for a system that is no tier, whose parameter dataclass is `kind`."""
     log = log or RunLog()
-    tier = find_tier(algo)
-    known = {entry.name: entry for entry in declarations(tier.parameters)}
+    known = {entry.name: entry for entry in declarations(kind)}
     settings: list[Setting] = []
     remaps: dict[str, str] = {}
     for file in files:
@@ -116,7 +127,7 @@ def load_native(
     for setting in merged.values():
         _check(setting, known)
     _tell_what_has_no_effect(merged.values(), known, log)
-    parameters: Any = resolve(tier.parameters, {name: setting.value for name, setting in merged.items()})
+    parameters: Any = resolve(kind, {name: setting.value for name, setting in merged.items()})
     sources = {name: setting.source for name, setting in merged.items()}
     return NativeConfig(algo=algo, parameters=parameters, sources=sources, remaps=remaps)
 

@@ -28,7 +28,7 @@ def find_feed(recording: Recording, tier: Tier, config: NativeConfig, asked: Sen
     InputError
         If a topic, a frame, a calibration or an option does not fit.
     """
-    names = _with_remaps(asked.names, config, recording)
+    names = remapped_names(asked.names, config, recording)
     start_s, duration_s = asked.start_s, asked.duration_s
     sees, ranges = "images" in tier.roles, bool({"scans", "points"} & tier.roles)
     if sees and ranges:
@@ -49,7 +49,7 @@ def find_feed(recording: Recording, tier: Tier, config: NativeConfig, asked: Sen
     )  # fmt: skip
 
 
-def _with_remaps(names: TopicNames, config: NativeConfig, recording: Recording) -> TopicNames:
+def remapped_names(names: TopicNames, config: NativeConfig, recording: Recording) -> TopicNames:
     """Return the topics and frames that are named: by flags, else by native files.
 
     A scanner's topic that a launch file names must be there; other sensors' topics are taken if the recording has them.

@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 import base64
-import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -25,10 +24,9 @@ from slamcli.reports.graph_section import graph_sections
 from slamcli.reports.keyframe_section import keyframe_sections
 from slamcli.reports.memory_section import memory_sections
 from slamcli.reports.node_axis import NodeAxis
+from slamcli.reports.run_sections import flat, input_table, parameter_table, reproduction, timing_table, value_table
 from slamcli.trajectory import Trajectory
 from slamcli.vision.pictures import KeyframeView, PlaceView
-
-_NO_STAGE = ("total_s", "realtime_factor", "recording_s", "jobs")
 
 
 def report(
@@ -96,15 +94,17 @@ def report(
             *_memory(run, steps or {}, closures, began_ns),
             page.section("Error against ground truth", *_errors(errors, began_ns), _overlay(trajectory, truth)),
             page.section("Steps", *_steps(steps or {}, began_ns)),
-            page.section("Time per stage", _timing(run.get("timing") or {})),
+            page.section("Time per stage", timing_table(run.get("timing") or {})),
             page.section("Notes", page.bullets([str(n) for n in run.get("notes") or ()])),
-            page.section("Counts", _pairs(run.get("counts") or {})),
-            page.section("Summary", _pairs(run.get("summary") or {})),
-            page.section("Parameters", _parameters(run, declared)),
+            page.section("Counts", value_table(run.get("counts") or {})),
+            page.section("Summary", value_table(run.get("summary") or {})),
+            page.section("Parameters", parameter_table(run, declared)),
             page.section(
-                "Input, topics and frames", _inputs(run), _pairs({**_flat(run, "topics"), **_flat(run, "frames")})
+                "Input, topics and frames",
+                input_table(run),
+                value_table({**flat(run, "topics"), **flat(run, "frames")}),
             ),
-            page.section("How to make this again", _reproduce(run)),
+            page.section("How to make this again", reproduction(run)),
         ],
     )
 
@@ -216,102 +216,3 @@ def _overlay(trajectory: Trajectory | None, truth: Trajectory | None) -> str:
         return ""
     lines = [("ground truth", truth.positions_m[:, :2]), ("trajectory", trajectory.positions_m[:, :2])]
     return page.figure(svg.plane_chart("Trajectory and ground truth from above", lines), "Trajectory and ground truth")
-
-
-def _timing(timing: Mapping[str, Any]) -> str:
-    total = timing.get("total_s")
-    nested = timing.get("stages_s") or timing.get("stages")
-    stages = nested if isinstance(nested, Mapping) else timing
-    rows = [
-        (str(name), float(value))
-        for name, value in stages.items()
-        if isinstance(value, (int, float)) and name not in _NO_STAGE
-    ]
-    if not rows:
-        return ""
-    whole = max(float(total or 0.0), sum(v for _, v in rows), 1e-9)
-    body = "".join(
-        f'<tr><td>{escape(name)}</td><td class="n">{value:.3f} s</td><td class="n">{100 * value / whole:.1f} %</td>'
-        f'<td class="wide"><div class="bar" style="width:{100 * value / whole:.1f}%"></div></td></tr>\n'
-        for name, value in rows
-    )
-    return f'<div class="scroll"><table><tbody>{body}</tbody></table></div>'
-
-
-def _pairs(values: Mapping[str, Any]) -> str:
-    return page.table(["what", "value"], [(name.replace("_", " "), value) for name, value in _leaves(values)])
-
-
-def _leaves(values: Mapping[str, Any], prefix: str = "", depth: int = 3) -> Iterator[tuple[str, Any]]:
-    """Yield names and values of a document, those of inner documents under their path of names."""
-    for key, value in values.items():
-        name = f"{prefix} {key}" if prefix else str(key)
-        if isinstance(value, Mapping) and value and depth > 0:
-            yield from _leaves(value, name, depth - 1)
-        elif value or not isinstance(value, Mapping):  # of an empty document there is nothing to say
-            yield name, value
-
-
-def _flat(run: Mapping[str, Any], key: str) -> dict[str, Any]:
-    value = run.get(key) or {}
-    word = key.removesuffix("s")
-    return {f"{word} {k}": v for k, v in value.items()} if isinstance(value, Mapping) else {key: value}
-
-
-def _parameters(run: Mapping[str, Any], declared: Sequence[Declaration]) -> str:
-    values: Mapping[str, Any] = run.get("parameters") or {}
-    changed = set(run.get("changed_parameters") or run.get("changed") or ())
-    known = {d.name: d for d in declared}
-    rows = []
-    for name, value in values.items():
-        d = known.get(name)
-        is_changed = name in changed or (d is not None and value != d.default)
-        cells = [
-            name,
-            _exact(value),
-            d.unit if d else "",
-            _exact(d.default) if d else "",
-            "changed" if is_changed else "",
-            d.help if d else "",
-        ]
-        row = "".join(
-            f"<td>{'<code>' if i == 0 else ''}{escape(c)}{'</code>' if i == 0 else ''}</td>"
-            for i, c in enumerate(cells)
-        )
-        rows.append((not is_changed, f"<tr{' class=changed' if is_changed else ''}>{row}</tr>\n"))
-    if not rows:
-        return ""
-    rows.sort(key=lambda row: row[0])  # changed ones first, else in the order in which they are declared
-    head = "".join(f"<th>{h}</th>" for h in ("parameter", "value", "unit", "default", "", "what it does"))
-    body = "".join(row for _, row in rows)
-    count = sum(not unchanged for unchanged, _ in rows)
-    told = f'<p class="soft">{len(rows)} parameters, {count} changed from the default.</p>'
-    return f'{told}<div class="scroll"><table class="wordy"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def _exact(value: Any) -> str:
-    """Return a parameter's value as it would be written to set it."""
-    if value is None:
-        return "auto"
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _inputs(run: Mapping[str, Any]) -> str:
-    rows = [
-        (
-            i.get("name", ""),
-            f"{i['size_bytes']:,} bytes" if isinstance(i.get("size_bytes"), int) else "",
-            i.get("sha256", ""),
-        )
-        for i in run.get("inputs") or ()
-        if isinstance(i, Mapping)
-    ]
-    return page.table(["file", "size", "SHA-256"], rows, numeric=[1])
-
-
-def _reproduce(run: Mapping[str, Any]) -> str:
-    command = run.get("command") or ""
-    line = shlex.join(str(c) for c in command) if isinstance(command, (list, tuple)) else str(command)
-    shown = f"<pre>{escape(line)}</pre>" if line else ""
-    versions = page.table(["software", "version"], sorted((run.get("versions") or {}).items()))
-    return shown + versions

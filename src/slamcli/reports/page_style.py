@@ -42,6 +42,8 @@ path.nodes{stroke:#1d2129;stroke-width:calc(2.6px/var(--k,1))}path.outline{strok
 .graph text.name{fill:#006b4e;font-weight:600;paint-order:stroke;stroke:#fff;stroke-width:calc(3px/var(--k,1));stroke-linejoin:round}
 path.loop{stroke-width:calc(1.2px/var(--k,1))}.r0{stroke:#56b4e9}.r1{stroke:#0072b2}.r2{stroke:#e69f00}.r3{stroke:#d55e00}path.loop.r3{stroke-width:calc(2px/var(--k,1))}
 path.rejected{stroke:#cc79a7;stroke-opacity:.7;stroke-width:calc(1px/var(--k,1));stroke-dasharray:2 3}
+path.driven{stroke:#009e73;stroke-width:calc(2.2px/var(--k,1))}path.believed{stroke:#56b4e9;stroke-width:calc(1.2px/var(--k,1))}path.planned{stroke:#0072b2;stroke-opacity:.6;stroke-width:calc(1.1px/var(--k,1));stroke-dasharray:5 3}
+path.person{stroke:#e69f00;stroke-opacity:.7;stroke-width:calc(1.2px/var(--k,1))}path.recovery{stroke:#7a3e9d;stroke-width:calc(2px/var(--k,1))}path.collision{stroke:#d55e00;stroke-width:calc(2.6px/var(--k,1))}path.reached{stroke:#00664b;stroke-width:calc(2px/var(--k,1))}path.missed{stroke:#d55e00;stroke-width:calc(2.4px/var(--k,1))}
 .thumbs{display:grid;grid-template-columns:repeat(auto-fill,minmax(8.5rem,1fr));gap:.6rem}.thumbs div{font-size:.8rem;color:var(--soft)}.thumbs img{width:100%;height:8rem;object-fit:contain;background:#d0d6de;border-radius:6px;image-rendering:pixelated;display:block}
 path.keyframes{stroke:#7a3e9d;stroke-width:calc(5px/var(--k,1))}path.shared{stroke:#009e73;stroke-opacity:.3;stroke-width:calc(.8px/var(--k,1))}.thumbs.shots{grid-template-columns:repeat(auto-fill,minmax(13rem,1fr))}
 .shot{border-radius:6px;background:#fff}.shot path{fill:none;stroke-linecap:round}.shot .rim{stroke:#000;stroke-opacity:.55;stroke-width:3.2}.shot .point{stroke:#5dff8f;stroke-width:1.9}

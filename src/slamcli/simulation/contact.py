@@ -22,9 +22,9 @@ class Contact:
     speed_m_s: float
     """Of the robot when it touched."""
     approach_m_s: float
-    """How fast the robot's own motion closed the gap."""
+    """How fast the robot's own motion closed the gap; at walls the speed of its fastest corner."""
 
     @property
     def by_robot(self) -> bool:
-        """Whether the robot ran into it (a person who walks into a robot that stands is not the robot's fault)."""
-        return self.approach_m_s > AT_FAULT_FROM_M_S
+        """Whether the robot ran into it: walls never move, and who walks into a robot that stands has only themselves to blame."""
+        return self.kind == "wall" or self.approach_m_s > AT_FAULT_FROM_M_S

@@ -13,8 +13,10 @@ from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import LaserScan, Odometry
 from slamcli.navigation.footprint import parse_footprint
-from slamcli.simulation import _beam_kernels, _plant_kernels, laser
+from slamcli.simulation import _plant_kernels
 from slamcli.simulation.contact import Contact
+from slamcli.simulation.drive_limits import drive_limits, odometry_errors
+from slamcli.simulation.live_scanner import LiveScanner, poses_at
 from slamcli.simulation.parameters import SimulationParameters, resolve_settings
 from slamcli.simulation.site import site_of
 from slamcli.simulation.social_force import STEP_S
@@ -41,8 +43,18 @@ class Plant:
     what stands on the floor.
     """
 
-    def __init__(self, world: World, parameters: SimulationParameters, *, start: Array, seed: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        parameters: SimulationParameters,
+        *,
+        start: Array,
+        seed: int = 0,
+        odometry_start: Array | None = None,
+    ) -> None:
         """Place the robot at `start` (3,): x, y (metres) and yaw (radians) of base_link in the map.
+
+        `odometry_start` (3,) is what odometry says there; None: the origin.
 
         Raises
         ------
@@ -52,10 +64,6 @@ class Plant:
             If `robot.footprint` is no outline.
         """
         p = parameters
-        if p.laser_range_min >= p.laser_range_max:
-            raise UsageError(
-                f"laser.range_min {p.laser_range_min:g} m is not below laser.range_max {p.laser_range_max:g} m"
-            )
         self.world, self.parameters, self._seed = world, parameters, seed
         self._walls = site_of(world).walls()
         self._barriers = self._walls if p.robot_unknown_is_floor else site_of(world).walls(unknown_is_wall=True)
@@ -68,24 +76,19 @@ class Plant:
         self._queue, self._wanted = np.zeros((_MOST_COMMANDS, 4)), np.zeros(3)
         self._history = np.zeros((round(_HISTORY_S / TICK_S), 6))
         self._events = np.zeros((_MOST_EVENTS, 6))
-        self._limits, self._told = _limits(p), _told(p)
+        self._limits, self._told = drive_limits(p), odometry_errors(p, TICK_S)
         self._slips = p.slip_rate > 0.0 or p.slip_drift > 0.0
         self._no_slips = np.zeros((256, 3))
-        self._pattern = laser.beam_pattern(p)
-        self._scanner = _scanner(p)
-        self._mount = np.array([p.laser_x, p.laser_y])
-        beams = p.laser_beams
-        self._poses, self._true, self._beam_times = (
-            np.empty((beams, 3)),
-            np.empty(beams),
-            self._pattern.offsets_s.copy(),
-        )
-        self._beam_times -= self._pattern.sweep_s
-        self._odometry_rng, self._slip_rng, self._laser_rng = (self.stream(n) for n in ("odometry", "slip", "laser"))
+        self._scanner = LiveScanner(p, self.stream("laser"))
+        self._poses = np.empty((p.laser_beams, 3))
+        self._odometry_rng, self._slip_rng = self.stream("odometry"), self.stream("slip")
+        self._laser_clock_rng, self._odometry_clock_rng = self.stream("laser clock"), self.stream("odometry clock")
         self._start_ns = round(p.clock_start * 1e9)
         self._contacts: list[Contact] = []
+        if odometry_start is not None:
+            self._state[7:10] = odometry_start
+            self._history[:, 3:6] = odometry_start
         self.teleport(start)
-        self._history[:] = self._history[0]
         self._traffic = Traffic(world, p, self._state[:3], self._outline, self._radius, self.stream)
         self._movers, self._seen = self._traffic.bodies, self._traffic.seen
         self._touching = np.zeros(1 + len(self._movers), np.int64)
@@ -127,13 +130,12 @@ class Plant:
     @property
     def T_base_laser(self) -> Array:  # noqa: N802 - frames as everywhere
         """float64 (3,): the scanner on base_link, seen from above."""
-        p = self.parameters
-        return np.array([p.laser_x, p.laser_y, math.radians(p.laser_yaw)])
+        return self._scanner.T_base_laser
 
     @property
     def sweep_s(self) -> float:
         """Seconds from the first to the last beam of a scan."""
-        return self._pattern.sweep_s
+        return self._scanner.sweep_s
 
     @property
     def collisions(self) -> tuple[Contact, ...]:
@@ -252,16 +254,18 @@ class Plant:
         self._state[3:7] = 0.0
         self._state[15] = 0.0
         self._wanted[:] = 0.0
-        self._history[int(self._counters[0]) % len(self._history), :3] = there
+        self._history[:, :3] = there
 
     def odometry(self) -> Odometry:
-        """Return what the wheels say now, under a stamp moved by `clock.odometry_offset`."""
+        """Return what the wheels say now, under a stamp moved by `clock.odometry_offset` and its jitter."""
         x, y, yaw = self._state[7:10].tolist()
         vx, vy, w = self._state[10:13].tolist()
+        p = self.parameters
+        late_ns = round(p.clock_odometry_offset * 1e9) + _jitter_ns(p.clock_odometry_jitter, self._odometry_clock_rng)
         return Odometry(
-            stamp_ns=self.stamp_ns + round(self.parameters.clock_odometry_offset * 1e9),
+            stamp_ns=self.stamp_ns + late_ns,
             frame_id=ODOM_FRAME,
-            child_frame_id=self.parameters.robot_base_frame,
+            child_frame_id=p.robot_base_frame,
             position_m=np.array([x, y, 0.0]),
             quat_xyzw=np.array([0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]),
             linear_m_s=np.array([vx, vy, 0.0]),
@@ -273,42 +277,20 @@ class Plant:
         """Return the told pose (3,) at a stamp of the last 2.5 s, as a tf buffer would; the nearest one beyond."""
         poses = np.empty((1, 3))
         at = (stamp_ns - self._start_ns) / _TICK_NS
-        self._poses_at(at, 0.0, self._history[:, 3:], poses)
+        poses_at(self._history[:, 3:], at, int(self._counters[0]), 0.0, poses)
         return _wrapped(poses[0])
 
     def scan(self) -> LaserScan:
         """Return the scan whose last beam is measured now; its stamp is that of its first beam (`sweep_s` ago)."""
-        p, pattern = self.parameters, self._pattern
-        sweep_ticks = pattern.sweep_s / TICK_S
-        self._poses_at(
-            float(self._counters[0]) - sweep_ticks, pattern.time_increment_s / TICK_S, self._history[:, :3], self._poses
-        )
-        w = self._walls
-        _beam_kernels.true_ranges(
-            self._poses, self._mount, pattern.angles_base, self._beam_times + self._since_step_s(), w.field, w.frame, w.segments, w.circles,
-            self._seen, p.laser_range_max, self._true,
-        )  # fmt: skip
-        noise, lost = self._laser_rng.standard_normal(p.laser_beams), self._laser_rng.random(p.laser_beams)
-        ranges = np.empty(p.laser_beams, np.float32)
-        _beam_kernels.measure(self._true, noise, lost, self._scanner, ranges)
-        return LaserScan(
-            stamp_ns=self.stamp_ns - round((pattern.sweep_s - p.clock_laser_offset) * 1e9),
-            frame_id=laser.FRAME,
-            angle_min_rad=pattern.angle_min_rad,
-            angle_increment_rad=pattern.increment_rad,
-            range_min_m=p.laser_range_min,
-            range_max_m=p.laser_range_max,
-            ranges_m=ranges,
-            time_increment_s=pattern.time_increment_s,
-            scan_time_s=1.0 / p.laser_rate,
-            topic=laser.TOPIC,
-        )
+        late_ns = _jitter_ns(self.parameters.clock_laser_jitter, self._laser_clock_rng)
+        return self._scanner.scan(self.true_ranges(), self.stamp_ns + late_ns)
 
-    def _poses_at(self, first: float, step: float, columns: Array, poses: Array) -> None:
-        """Fill `poses` (N, 3) with those at ticks `first` + i * `step`, from columns (T, 3) of the history."""
+    def true_ranges(self) -> Array:
+        """Return the exact distances (N,) along the beams of the scan that ends now; inf beyond `laser.range_max`."""
         now = int(self._counters[0])
-        whole = math.floor(first)
-        _beam_kernels.poses_at(columns, whole, first - whole, now, max(now - len(columns) + 1, 0), step, poses)
+        first = now - self._scanner.sweep_s / TICK_S
+        poses_at(self._history[:, :3], first, now, self._scanner.beam_step_s / TICK_S, self._poses)
+        return self._scanner.true_ranges(self._poses, self._walls, self._seen, self._since_step_s())
 
     def discs(self) -> Array:
         """Return float64 (D, 5) x, y, radius (metres, map frame), vx, vy (m/s) around everybody and every cart there is."""
@@ -320,44 +302,18 @@ class Plant:
         return self._movers[self._traffic.present]
 
     def _since_step_s(self) -> float:
-        return int(self._counters[0]) % _STEP_TICKS * TICK_S
+        """Return how long ago people and carts last decided, at most a whole step: they decide anew when time goes on."""
+        now = int(self._counters[0])
+        return ((now - 1) % _STEP_TICKS + 1) * TICK_S if now else 0.0
+
+
+def _jitter_ns(deviation_s: float, rng: np.random.Generator) -> int:
+    return round(deviation_s * float(rng.standard_normal()) * 1e9) if deviation_s > 0.0 else 0
 
 
 def _wrapped(pose: Array) -> Array:
     x, y, yaw = pose.tolist()
     return np.array([x, y, math.pi - (math.pi - yaw) % (2.0 * math.pi)])
-
-
-def _limits(p: SimulationParameters) -> Array:
-    kind = ("diff", "omni", "car").index(p.robot_drive)
-    return np.array(
-        [
-            kind, p.robot_max_forward, p.robot_max_backward, p.robot_max_sideways, p.robot_max_turn,
-            p.robot_forward_acceleration, p.robot_sideways_acceleration, p.robot_swing_acceleration, p.robot_wheelbase,
-            math.radians(p.robot_max_steering), math.radians(p.robot_steering_rate), p.robot_command_timeout,
-        ],
-        dtype=np.float64,
-    )  # fmt: skip
-
-
-def _told(p: SimulationParameters) -> Array:
-    return np.array(
-        [
-            p.odometry_srr, p.odometry_srt, p.odometry_str, p.odometry_stt, p.odometry_distance_scale,
-            p.odometry_turn_scale, p.odometry_pull, p.slip_turn_share, p.slip_distance_share,
-            p.slip_rate / 60.0 * TICK_S, p.slip_seconds / TICK_S, p.slip_drift, p.slip_drift_time,
-        ]
-    )  # fmt: skip
-
-
-def _scanner(p: SimulationParameters) -> Array:
-    lost, beyond = (laser.special_reading(k, p.laser_range_max) for k in (p.laser_dropout_value, p.laser_no_return))
-    return np.array(
-        [
-            p.laser_range_min, p.laser_range_max, p.laser_noise, p.laser_noise_relative, p.laser_resolution,
-            p.laser_dropout, lost, beyond,
-        ]
-    )  # fmt: skip
 
 
 def warm() -> None:

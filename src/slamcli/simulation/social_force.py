@@ -46,12 +46,12 @@ class Pedestrians:
         self._social = parameters.people_model == "social_force"
         self._legs = parameters.people_shape == "legs"
         count = len(seeds)
-        self._people = np.zeros((count, 16))
+        self._people = np.zeros((count, 13))
         self._targets = np.full((count, 2), -1, np.int64)
         self._way_ends = np.zeros((count, 2), np.int64)
         self._goals: Destinations = site.destinations(robot[:2])
         grid = site.space.grid
-        self._frame = np.array([*grid.origin[:2], grid.resolution_m])
+        self._frame = np.array([*grid.origin[:2], grid.resolution_m, self._goals.cell_m])
         self._ways = self._place_walkers(walkers)
         self._place_others(len(walkers), parameters, robot)
         self.bodies: Array = np.zeros((count, 9))
@@ -140,7 +140,7 @@ class Pedestrians:
     def _set_out(self, i: int, point: Array, speed: float) -> None:
         me = self._people[i]
         me[:2], me[4], me[6] = point, speed, 1.0
-        me[5], me[13] = self._seeds[i].uniform(0.0, 2 * STRIDE_M), self._seeds[i].choice((-1.0, 1.0))
+        me[5] = self._seeds[i].uniform(0.0, 2 * STRIDE_M)
 
 
 def _to_and_fro(walker: Walker, site: Site) -> Array:
@@ -155,9 +155,9 @@ def _to_and_fro(walker: Walker, site: Site) -> Array:
 
 def warm() -> None:
     """Compile the kernels of this module."""
-    people, targets = np.zeros((2, 16)), np.full((2, 2), -2, np.int64)
+    people, targets = np.zeros((2, 13)), np.full((2, 2), -2, np.int64)
     targets[0, 0] = 0
-    room, frame, ends = np.ones((2, 2), np.float32), np.array([0.0, 0.0, 0.1]), np.array([[0, 1], [0, 1]])
+    room, frame, ends = np.ones((2, 2), np.float32), np.array([0.0, 0.0, 0.1, 0.2]), np.array([[0, 1], [0, 1]])
     _crowd_kernels.walk(
         STEP_S, people, targets, np.zeros((1, 1, 1), np.int32), frame, room, np.zeros((1, 2)), ends, True, np.ones(6),
         np.zeros((1, 2)), 0.2, np.zeros((0, 9)), BODY_RADIUS_M,

@@ -23,7 +23,7 @@ from slamcli.simulation import shapes
 from slamcli.simulation.file_values import MAX_ENTRIES, FileValues, is_huge, shown
 from slamcli.simulation.parameters import SimulationParameters, resolve_settings
 from slamcli.simulation.relief_file import Doorway, Plan, ReliefReader, Thing
-from slamcli.simulation.world import CarriedPath, Walker, World
+from slamcli.simulation.world import CarriedPath, Cart, Walker, World
 
 ReadGrid = Callable[[Path], OccupancyGrid]
 
@@ -31,7 +31,7 @@ _MAX_BYTES = 4_000_000
 _OVERHEAD_M = 1.5  # what begins higher above the ground is in nobody's way
 _SECTIONS = tuple(dict.fromkeys(d.name.split(".")[0] for d in declarations(SimulationParameters)))
 _KEYS = (
-    "name", "description", "walls", "rooms", "doors", "boxes", "circles", "grid", "relief", "start", "route", "path", "walkers",
+    "name", "description", "walls", "rooms", "doors", "boxes", "circles", "grid", "relief", "start", "route", "path", "walkers", "obstacles",
 )  # fmt: skip
 _IN_SPACE = ("height", "above", "reflectivity")
 
@@ -107,6 +107,7 @@ class _Reader(FileValues):
             rounds=int(self.number(route.get("rounds", 1), "route.rounds", 1, 1000)),
             path=self.path_in_space(document) if "path" in document else None,
             walkers=tuple(self.walker(w, f"walkers[{i}]") for i, w in enumerate(self.items(document, "walkers"))),
+            carts=tuple(self.cart(o, f"obstacles[{i}]") for i, o in enumerate(self.items(document, "obstacles"))),
             settings=self.settings(document),
         )
         if "relief" not in document:
@@ -214,6 +215,30 @@ class _Reader(FileValues):
         walker = self.mapping(value, where, ("points", "speed"), ("points",))
         speed = self.number(walker.get("speed", 0.9), f"{where}.speed", 0.05, 10)
         return Walker(self.points(walker["points"], f"{where}.points", 2), speed)
+
+    def cart(self, value: Any, where: str) -> Cart:
+        known = ("at", "points", "size", "radius", "yaw", "speed", "appears", "leaves")
+        cart = self.mapping(value, where, known)
+        if ("at" in cart) == ("points" in cart) or ("size" in cart) == ("radius" in cart):
+            self.fail(where, "give `at` (it stands) or `points` (it moves), and `size` or `radius`")
+        if "at" in cart:
+            points = self.numbers(cart["at"], f"{where}.at", 2, "[x, y] of the centre")[None]
+        else:
+            points = self.points(cart["points"], f"{where}.points", 2)
+        radius = self.number(cart["radius"], f"{where}.radius", 0.001, 1000) if "radius" in cart else 0.0
+        size = (0.0, 0.0)
+        if "size" in cart:
+            length, width = self.numbers(cart["size"], f"{where}.size", 2, "[length, width]").tolist()
+            size = (length, width)
+            if min(size) <= 0:
+                self.fail(f"{where}.size", f"{list(size)} is not two lengths above 0")
+        appears = self.number(cart.get("appears", 0), f"{where}.appears", 0, 1e6)
+        leaves = self.number(cart["leaves"], f"{where}.leaves", 0, 1e9) if "leaves" in cart else math.inf
+        if leaves <= appears:
+            self.fail(where, f"it leaves at {leaves:g} s, not after it appears at {appears:g} s")
+        yaw = math.radians(self.number(cart.get("yaw", 0), f"{where}.yaw"))
+        speed = self.number(cart.get("speed", 0.5), f"{where}.speed", 0.01, 10)
+        return Cart(points, size, radius, yaw, speed, appears, leaves)
 
     def settings(self, document: Mapping[str, Any]) -> dict[str, Any]:
         values: dict[str, Any] = {}

@@ -38,6 +38,13 @@ def between_updates(
     return poses
 
 
+def led_back(poses: NDArray[np.float64], steps: NDArray[np.float64], first: int) -> NDArray[np.float64]:
+    """Return poses (N, 3) in which the scans before `first`, which no update tells, are led back from it by the steps (N, 3)."""
+    for k in range(first - 1, -1, -1):
+        poses[k] = se2.compose(poses[k + 1], se2.inverse(steps[k + 1]))
+    return poses
+
+
 def moved_scans(
     poses: NDArray[np.float64], *, distance_m: float = 0.2, turn_rad: float = 0.1, every: bool = False
 ) -> NDArray[np.int64]:

@@ -178,7 +178,8 @@ class PoseGraph:
     """``POSE_GRAPH``."""
 
     optimize_every_n_nodes: int = count(
-        90, "optimise after this many nodes, where batch_search is not enabled (2D); 0: only at the end"
+        90,
+        "search loops and optimise after this many nodes, as it goes (live) or where batch_search is not enabled (2D); 0: only at the end",
     )
     constraint_builder: ConstraintBuilder = group(ConstraintBuilder())
     matcher_translation_weight: float = weight(5e2, "weight of a node's translation in the submaps that it is part of")

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: MIT
+"""A robot that drives itself: plant, localiser, costmaps and move_base, each in its own rhythm of simulated time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.geometry import se2
+from slamcli.measurements import LaserScan
+from slamcli.navigation.layered_costmap import LayeredCostmap
+from slamcli.navigation.move_base import Cycle, MoveBase, Phase
+from slamcli.navigation.robot_state import RobotState
+from slamcli.navigation.scan_observation import observe_scan
+from slamcli.pipelines.localisers import Localiser
+from slamcli.pipelines.loop_listener import LoopListener
+from slamcli.simulation.contact import Contact
+from slamcli.simulation.plant import Plant
+
+Array = NDArray[np.float64]
+
+TICK_S = 0.01
+"""Step of simulated time; every rhythm is kept to the tick."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rates:
+    """How often what happens, Hz."""
+
+    odometry: float = 20.0
+    scan: float = 10.0
+    control: float = 20.0
+    local_costmap: float = 5.0
+    global_costmap: float = 1.0
+    publish_local: float = 2.0
+    publish_global: float = 0.5
+
+
+@dataclass(slots=True)
+class CostmapPair:
+    """The two costmaps of move_base, with the names by which its parts know them."""
+
+    world: LayeredCostmap
+    local: LayeredCostmap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drive:
+    """What became of one goal, seen from outside."""
+
+    phase: Phase
+    """SUCCEEDED, ABORTED, or what move_base was doing when time ran out."""
+    message: str
+    begin_s: float
+    end_s: float
+    length_m: float
+    """Way that the robot truly drove."""
+    clearance_m: float
+    """Least distance that its body truly had to anything."""
+    collisions: tuple[Contact, ...]
+    recoveries: tuple[str, ...]
+    plans: int
+    """Number of global plans."""
+    end_pose: Array
+    """float64 (3,), where it truly stands in the end."""
+    position_error_m: Array
+    """float64 (N,), the localiser's error at each control cycle."""
+    heading_error_rad: Array
+    """float64 (N,), likewise, absolute."""
+
+
+class ClosedLoop:
+    """Runs plant and navigation together; what happens is told to `listeners` in the order of simulated time."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        localiser: Localiser,
+        costmaps: CostmapPair,
+        move_base: MoveBase,
+        rates: Rates,
+        listeners: Sequence[LoopListener] = (),
+    ) -> None:
+        self.plant, self.localiser, self.costmaps, self.move_base = plant, localiser, costmaps, move_base
+        self.listeners = list(listeners)
+        self._ticks = 0
+        self._pose_odom, self._twist = np.zeros(3), np.zeros(3)
+        self._drive: _DriveRecord | None = None
+        self._rhythms = [
+            _Rhythm(rates.odometry, self._odometry),
+            _Rhythm(rates.scan, self._scan),
+            _Rhythm(rates.local_costmap, self._update_local),
+            _Rhythm(rates.global_costmap, self._update_global),
+            _Rhythm(rates.control, self._control),
+            _Rhythm(rates.publish_local, lambda: self._publish("local")),
+            _Rhythm(rates.publish_global, lambda: self._publish("global")),
+        ]
+        self._last_phase = Phase.IDLE
+
+    @property
+    def time_s(self) -> float:
+        """Simulated seconds since the start."""
+        return self._ticks * TICK_S
+
+    @property
+    def state(self) -> RobotState:
+        """What the robot knows of itself."""
+        return RobotState(
+            time_s=self.time_s, pose_odom=self._pose_odom, T_map_odom=self.localiser.T_map_odom, twist=self._twist
+        )
+
+    def drive_to(self, goal: Array, timeout_s: float) -> Drive:
+        """Give move_base a goal (3,) in map, and run until it is done or `timeout_s` simulated seconds are over."""
+        if self._ticks == 0:
+            self.wait(2 * TICK_S)  # a first scan, so that the first plan knows what is in the way
+        self.localiser.reach_to(goal)
+        self._take_map()
+        for listener in self.listeners:
+            listener.on_goal(self.time_s, goal)
+        self.move_base.set_goal(goal, self.state)
+        self._drive = record = _DriveRecord(self)
+        end = self._ticks + round(timeout_s / TICK_S)
+        while self._ticks < end and self.move_base.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
+            self._go_on(end)
+        self._drive = None
+        drive = record.finished()
+        if drive.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
+            self.move_base.cancel()
+        self.plant.command(np.zeros(3))
+        return drive
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass."""
+        end = self._ticks + round(seconds / TICK_S)
+        while self._ticks < end:
+            self._go_on(end)
+
+    def _go_on(self, end: int) -> None:
+        """Do what is due now, and let time pass until something else is, or until the tick `end`."""
+        for rhythm in self._rhythms:
+            if rhythm.due <= self._ticks:
+                rhythm.act()
+                rhythm.advance()
+        following = int(min(min(rhythm.due for rhythm in self._rhythms), end))
+        self.plant.advance((following - self._ticks) * TICK_S)
+        self._ticks = following
+
+    def _odometry(self) -> None:
+        plant = self.plant
+        measured = plant.odometry()
+        self._pose_odom, self._twist = plant.odom_pose, plant.odom_twist
+        self.localiser.on_odometry(measured, plant.pose, self._pose_odom)
+        for listener in self.listeners:
+            listener.on_truth(self.time_s, plant.pose, plant.twist)
+            listener.on_odometry(self.time_s, measured)
+            listener.on_people(self.time_s, plant.discs())
+
+    def _scan(self) -> None:
+        scan = self.plant.scan()
+        is_new = self.localiser.on_scan(scan, self._pose_odom, self.plant.T_base_laser)
+        self._observe(scan)
+        for listener in self.listeners:
+            listener.on_scan(self.time_s, scan)
+            if is_new:
+                where = self.localiser
+                listener.on_localisation(self.time_s, where.T_map_odom, where.covariance, where.particles)
+        self._take_map()
+
+    def _take_map(self) -> None:
+        grid = self.localiser.new_map()
+        if grid is not None:
+            self.costmaps.world.set_map(grid)
+            self.costmaps.local.set_map(grid)
+            for listener in self.listeners:
+                listener.on_map(self.time_s, grid)
+
+    def _observe(self, scan: LaserScan) -> None:
+        T_odom_laser = se2.compose(self._pose_odom, self.plant.T_base_laser)
+        T_map_laser = se2.compose(self.localiser.T_map_odom, T_odom_laser)
+        for costmap, T_frame_laser in ((self.costmaps.local, T_odom_laser), (self.costmaps.world, T_map_laser)):
+            for source in costmap.parameters.sources:
+                costmap.observe(observe_scan(scan, T_frame_laser, source, self.time_s, self.plant.parameters.laser_z))
+
+    def _update_local(self) -> None:
+        self.costmaps.local.update(self._pose_odom, self.time_s, self.localiser.T_map_odom)
+
+    def _update_global(self) -> None:
+        self.costmaps.world.update(self.state.pose_map, self.time_s)
+
+    def _publish(self, name: str) -> None:
+        if self.listeners:
+            window = (self.costmaps.local if name == "local" else self.costmaps.world).window()
+            for listener in self.listeners:
+                listener.on_costmap(self.time_s, name, window)
+
+    def _control(self) -> None:
+        state = self.state
+        cycle = self.move_base.step(state)
+        self.plant.command(cycle.twist)
+        if self._drive is not None:
+            self._drive.add(cycle, state)
+        for listener in self.listeners:
+            listener.on_command(self.time_s, cycle.twist)
+            if cycle.plan is not None:
+                listener.on_plan(self.time_s, cycle.plan)
+            if cycle.local_plan is not None:
+                listener.on_local_plan(self.time_s, cycle.local_plan)
+            if cycle.phase is not self._last_phase or cycle.recovery:
+                text = f"recovery: {cycle.recovery}" if cycle.recovery else cycle.message
+                listener.on_status(self.time_s, cycle.phase.value, text)
+        self._last_phase = cycle.phase
+
+
+class _Rhythm:
+    """Something that happens every so often, for the first time at once; never with rate 0."""
+
+    def __init__(self, rate_hz: float, act: Callable[[], None]) -> None:
+        self._period = 1.0 / (rate_hz * TICK_S) if rate_hz > 0.0 else math.inf
+        self._count = 0
+        self.due: float = 0 if rate_hz > 0.0 else math.inf
+        """The tick at which it happens next."""
+        self.act = act
+
+    def advance(self) -> None:
+        """Note that it has happened."""
+        self._count += 1
+        self.due = max(round(self._count * self._period), int(self.due) + 1)
+
+
+class _DriveRecord:
+    """Collects what `Drive` tells."""
+
+    def __init__(self, loop: ClosedLoop) -> None:
+        self._loop = loop
+        self._begin_s = loop.time_s
+        self._before = loop.plant.pose.copy()
+        self._first_collision = len(loop.plant.collisions)
+        self._length_m, self._clearance_m = 0.0, math.inf
+        self._recoveries: list[str] = []
+        self._plans = 0
+        self._errors: list[tuple[float, float]] = []
+
+    def add(self, cycle: Cycle, state: RobotState) -> None:
+        """Take one control cycle."""
+        plant = self._loop.plant
+        pose = plant.pose.copy()
+        self._length_m += float(np.hypot(*(pose[:2] - self._before[:2])))
+        self._before = pose
+        self._clearance_m = min(self._clearance_m, plant.clearance_m)
+        self._plans += cycle.plan is not None
+        if cycle.recovery:
+            self._recoveries.append(cycle.recovery)
+        off = se2.between(pose, state.pose_map)
+        self._errors.append((float(np.hypot(off[0], off[1])), abs(float(off[2]))))
+
+    def finished(self) -> Drive:
+        """Return the whole."""
+        loop = self._loop
+        errors = np.array(self._errors).reshape(-1, 2)
+        return Drive(
+            phase=loop.move_base.phase,
+            message=loop.move_base.message,
+            begin_s=self._begin_s,
+            end_s=loop.time_s,
+            length_m=self._length_m,
+            clearance_m=self._clearance_m,
+            collisions=tuple(loop.plant.collisions[self._first_collision :]),
+            recoveries=tuple(self._recoveries),
+            plans=self._plans,
+            end_pose=loop.plant.pose.copy(),
+            position_error_m=errors[:, 0],
+            heading_error_rad=errors[:, 1],
+        )
