@@ -18,6 +18,8 @@ from slamcli.measurements import LaserScan, Odometry
 
 Array = NDArray[np.float64]
 _NO_PARTICLES: Array = np.zeros((0, 3))
+_AROUND_M = 3.0
+"""How far a map reaches beyond its goals at least."""
 
 
 class Localiser(Protocol):
@@ -43,6 +45,9 @@ class Localiser(Protocol):
 
     def new_map(self) -> OccupancyGrid | None:
         """Return the map if there is a newer one than at the last call, else None."""
+
+    def reach_to(self, goal: Array) -> None:
+        """Make maps that grow reach to a goal (3,)."""
 
 
 class TrueLocaliser:
@@ -70,6 +75,9 @@ class TrueLocaliser:
     def new_map(self) -> OccupancyGrid | None:
         """Return None."""
         return None
+
+    def reach_to(self, goal: Array) -> None:
+        """Do nothing."""
 
 
 class AmclLocaliser:
@@ -104,6 +112,9 @@ class AmclLocaliser:
         """Return None: the map stays as it is."""
         return None
 
+    def reach_to(self, goal: Array) -> None:
+        """Do nothing."""
+
 
 class SlamLocaliser:
     """A tier that maps while the robot drives; its map is laid so that the robot begins at `start`.
@@ -126,6 +137,7 @@ class SlamLocaliser:
         self._start, self._period_ns = start, round(map_period_s * 1e9)
         self._T_map_slam: Array | None = None
         self._now_ns, self._due_ns = 0, 0
+        self._corners = [start[:2] - _AROUND_M, start[:2] + _AROUND_M]
 
     def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:  # noqa: ARG002
         """Hand it on."""
@@ -151,7 +163,23 @@ class SlamLocaliser:
         except EstimationError:  # nothing in range yet
             return None
         self._due_ns = self._now_ns + self._period_ns
-        return self.placed(grid)
+        return self._widened(self.placed(grid))
+
+    def reach_to(self, goal: Array) -> None:
+        """Make the map reach to a goal (3,) with unknown cells."""
+        self._corners += [goal[:2] - _AROUND_M, goal[:2] + _AROUND_M]
+        self._due_ns = 0
+
+    def _widened(self, grid: OccupancyGrid) -> OccupancyGrid:
+        """Return the map with a border of unknown cells as wide as the start and all goals ask for."""
+        cells = grid.map_to_cell(np.array(self._corners))
+        below, left = np.maximum(-cells.min(axis=0), 0).tolist()
+        above, right = np.maximum(cells.max(axis=0) + 1 - [grid.height, grid.width], 0).tolist()
+        if not (below or left or above or right):
+            return grid
+        wider = np.pad(grid.cells, ((below, above), (left, right)), constant_values=OccupancyGrid.UNKNOWN)
+        x, y = grid.cell_to_map([[-below - 0.5, -left - 0.5]])[0].tolist()
+        return OccupancyGrid(wider, grid.resolution_m, (x, y, grid.origin[2]))
 
     def placed(self, grid: OccupancyGrid) -> OccupancyGrid:
         """Return a map of the tier where it lies in the map frame."""

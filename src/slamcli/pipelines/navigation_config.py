@@ -103,6 +103,10 @@ def load_navigation(
     for path in paths:
         for setting in _read(path, log, arguments or {}):
             collected.take(setting)
+    if not collected.has_costmaps:  # as with no file at all: slamcli's own
+        for setting in _read(find_native(Path(DEFAULT_FILE)), log, {}):
+            if setting.name.partition("/")[0] in _COSTMAPS:
+                collected.take(setting)
     for text in sets:
         collected.take(parse_set(text), anywhere=True)
     return collected.build(local_planner, tuple(paths))
@@ -178,6 +182,11 @@ class _Collected:
         else:
             self._costmaps.append((name, setting.value, setting.source))  # of both, or unknown
             self._sources[name] = setting.source
+
+    @property
+    def has_costmaps(self) -> bool:
+        """Whether anything was said of a costmap."""
+        return bool(self._costmaps)
 
     def build(self, local_planner: str | None, files: tuple[Path, ...]) -> NavigationConfig:
         """Return the parameters, checked."""
