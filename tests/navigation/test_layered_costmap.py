@@ -380,7 +380,8 @@ def test_observations_persist_as_long_as_they_should() -> None:
         name="global",
         static=OccupancyGrid(np.zeros((4, 4), dtype=np.int8), 1.0),
     )
-    assert layered.out_of_date(0.0) == ("laser_scan",)
+    assert layered.out_of_date(0.5) == ()
+    assert layered.out_of_date(0.6) == ("laser_scan",)
     for time_s, column in ((0.0, 1.5), (0.6, 2.5), (1.5, 0.5)):
         layered.observe(dataclasses.replace(seen((column, 1.5), origin=(0.5, 0.5, 0.5)), time_s=time_s))
         layered.update([0.5, 0.5, 0.0], time_s)
