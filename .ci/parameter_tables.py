@@ -11,10 +11,13 @@ import runpy
 from pathlib import Path
 
 from slamcli.cli.config import bounds, shown_value
-from slamcli.parameters import Declaration
+from slamcli.navigation.obstacle_parameters import ObstacleParameters, SourceParameters
+from slamcli.parameters import Declaration, declarations
 from slamcli.pipelines.config_show import show
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
+_LISTS = {"obstacle_layer": ObstacleParameters, "observation_source": SourceParameters}
+"""Tables of what stands in files any number of times, each time under another name."""
 _BLOCK = re.compile(r"(<!-- begin parameters: (\w+) -->\n).*?(<!-- end parameters -->)", re.DOTALL)
 
 
@@ -25,7 +28,8 @@ def render(text: str) -> str:
 
 def table(algo: str) -> str:
     rows = ["| parameter | default | unit | range | meaning |", "|---|---|---|---|---|"]
-    rows += [_row(parameter.declaration) for parameter in show(algo).parameters]
+    entries = declarations(_LISTS[algo]) if algo in _LISTS else [row.declaration for row in show(algo).parameters]
+    rows += [_row(entry) for entry in entries]
     return "\n" + "\n".join(rows) + "\n\n"
 
 

@@ -185,6 +185,16 @@ def test_the_odometry_message_and_its_past():
     assert robot.odom_pose_at(robot.stamp_ns + 10**9)[2] == pytest.approx(0.2)
 
 
+def test_stamps_are_off_as_the_clocks_are():
+    clocks = {"clock.laser_offset": 0.1, "clock.odometry_offset": -0.2, "laser.sweep": 0.0}
+    steady = plant(clocks)
+    assert steady.scan().stamp_ns == steady.stamp_ns + 100_000_000
+    assert steady.odometry().stamp_ns == steady.stamp_ns - 200_000_000
+    shaky = plant({"clock.laser_jitter": 0.01, "clock.odometry_jitter": 0.02, "laser.sweep": 0.0})
+    late = np.array([[shaky.scan().stamp_ns, shaky.odometry().stamp_ns] for _ in range(300)]) - shaky.stamp_ns
+    np.testing.assert_allclose(late.std(axis=0), [1e7, 2e7], rtol=0.15)
+
+
 def test_a_kidnapped_robot_is_elsewhere_and_its_odometry_does_not_know():
     robot = plant(QUICK, seed=1)
     drive(robot, (0.5, 0.0, 0.2), 1.0)

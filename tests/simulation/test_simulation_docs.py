@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_table_of_settings_is_complete_and_has_the_defaults():
-    text = (ROOT / "docs" / "generate.md").read_text()
+    text = "\n".join((ROOT / "docs" / name).read_text() for name in ("generate.md", "simulator.md"))
     rows = dict(re.findall(r"^\| `([a-z0-9_.]+)` \| ([^|]*)\|", text, re.MULTILINE))
     for d in declarations(SimulationParameters):
         default = "auto" if d.default is None else str(d.default).lower() if d.kind is bool else d.default

@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "evaluate": ("evaluate", "Score a trajectory or a map against ground truth."),
     "localize": ("localize", "Localise a recording on a known map (AMCL)."),
     "plan": ("plan", "Plan paths on a saved map."),
+    "navigate": ("navigate", "Drive a simulated robot to goals with the whole navigation stack."),
     "generate": ("generate", "Make a synthetic recording with ground truth."),
     "view": ("view", "Draw a recording, a result or a map."),
     "map-tools": ("map_tools", "Inspect, convert, crop and compare saved maps."),

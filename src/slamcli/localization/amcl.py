@@ -26,8 +26,8 @@ _LEAST_SHARE, _CLEARLY_BETTER = 0.02, 0.05
 """Particles are not drawn elsewhere for less than this share, or where the scan does not fit better by so much."""
 _MOST_VAIN = 4
 """Searches in vain double the pause between them, at most so often: people around the robot are no reason to search at each scan."""
-_LONGEST_STEP_S = 0.5
-"""Scans farther apart do not tell how fast the robot is."""
+_SHORTEST_STEP_S, _LONGEST_STEP_S = 0.01, 0.5
+"""Scans closer together or farther apart do not tell how fast the robot is."""
 
 Array = NDArray[np.float64]
 
@@ -58,6 +58,7 @@ class Amcl:
         self._due: dict[tuple[str, str], bool] = {}
         self._averages = Averages(parameters)
         self._stamp_ns, self._previous_odom = 0, np.zeros(3)
+        self._velocity: Array | None = None
         p = parameters
         self.set_pose(
             np.array([p.initial_pose_x, p.initial_pose_y, p.initial_pose_a]),
@@ -281,12 +282,14 @@ class Amcl:
 
     def _twist(self, scan: LaserScan) -> Array | None:
         """Return the robot's velocity (3,) since the scan before, None where that is unknown or not wanted."""
-        seconds = (scan.stamp_ns - self._stamp_ns) * 1e-9
-        before, self._previous_odom, self._stamp_ns = self._previous_odom, self._pose_odom, scan.stamp_ns
-        sweep_s = abs(scan.time_increment_s) * scan.num_beams
-        if not self._parameters.deskew or sweep_s > _LONGEST_STEP_S or not 1e-3 < seconds < _LONGEST_STEP_S:
+        sweep_s, seconds = abs(scan.time_increment_s) * scan.num_beams, (scan.stamp_ns - self._stamp_ns) * 1e-9
+        if not self._parameters.deskew or sweep_s > _LONGEST_STEP_S:
             return None
-        return se2.between(before, self._pose_odom) / seconds
+        if not abs(seconds) < _SHORTEST_STEP_S:  # else it is another scanner's scan of the same time
+            known = 0.0 < seconds < _LONGEST_STEP_S
+            self._velocity = se2.between(self._previous_odom, self._pose_odom) / seconds if known else None
+            self._previous_odom, self._stamp_ns = self._pose_odom, scan.stamp_ns
+        return self._velocity
 
 
 def _root(mean: Array, covariance: Array) -> Array:

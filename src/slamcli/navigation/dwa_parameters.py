@@ -22,6 +22,19 @@ ALIASES = {
 }
 """Names from before release 1.16 (kinetic and older)."""
 
+AS_DWAPLANNERROS = {
+    "follow_progress": False,
+    "free_local_goal": False,
+    "escape": False,
+    "turn_in_place": False,
+    "soft_nose": False,
+    "stop_at_goal": False,
+    "progress": False,
+    "turn_to_plan": 0.0,
+    "scale_footprint": False,
+}
+"""Values of slamcli's own parameters that leave DWAPlannerROS as it is."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DwaParameters:

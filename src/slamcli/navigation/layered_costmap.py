@@ -67,6 +67,7 @@ class LayeredCostmap:
         self._below = np.full(self._extent.shape, self._default, dtype=np.uint8)
         self._is_new = True
         self._is_stale = False
+        self._next_map: OccupancyGrid | None = None
         self.time_s = 0.0
         """Of the last update, simulated seconds."""
 
@@ -112,7 +113,9 @@ class LayeredCostmap:
             float64 (3,): the costmap's frame in the map's, for a rolling window with a static layer. Default: the same frame.
         """
         self.time_s = time_s
-        pose = np.asarray(pose, dtype=np.float64)
+        pose = np.ascontiguousarray(pose, dtype=np.float64)
+        if self._static is not None and self._next_map is not None:
+            self._take_map(self._static, self._next_map)
         if self.parameters.costmap.rolling_window:
             self._follow(pose)
         touched = self._extent.nothing()
@@ -121,7 +124,7 @@ class LayeredCostmap:
         if self._is_new or self._is_stale or (self._static is not None and self.parameters.costmap.rolling_window):
             touched = self._extent.everything()
         if touched[0] < touched[1]:
-            self._stack(touched, None if T_map_frame is None else np.asarray(T_map_frame, dtype=np.float64))
+            self._stack(touched, None if T_map_frame is None else np.ascontiguousarray(T_map_frame, dtype=np.float64))
         changed = self._extent.nothing()
         if self._is_new:
             self._inflation.recompute(self._below, changed)
@@ -133,7 +136,7 @@ class LayeredCostmap:
         return CellBounds(0, 0, 0, 0) if bounds.empty else bounds
 
     def window(self) -> CostWindow:
-        """Return the costs as they are now, a view."""
+        """Return the costs as the last update left them, a view; free before the first one."""
         x, y = self._extent.corner
         return CostWindow(
             costs=self._inflation.costs,
@@ -146,16 +149,12 @@ class LayeredCostmap:
         )
 
     def set_map(self, grid: OccupancyGrid) -> None:
-        """Take another map for the static layer, of any size and origin; obstacles stay where both lie.
+        """Take another map for the static layer, of any size and origin, with the next update; obstacles stay where both lie.
 
         Nothing happens without a static layer, or with first_map_only.
         """
-        if self._static is None or self.parameters.costmap.first_map_only:
-            return
-        self._static.set_map(grid)
-        if not self.parameters.costmap.rolling_window:
-            self._place(self._static.extent)
-        self._is_stale = True
+        if self._static is not None and not self.parameters.costmap.first_map_only:
+            self._next_map = grid
 
     def start_over(self) -> None:
         """Let the next update compute everything anew from what the layers know; that changes nothing but its duration."""
@@ -210,6 +209,13 @@ class LayeredCostmap:
         for layer in self._obstacles:
             layer.place(self._extent)
         self._is_new = True
+
+    def _take_map(self, static: StaticLayer, grid: OccupancyGrid) -> None:
+        static.set_map(grid)
+        self._next_map = None
+        if not self.parameters.costmap.rolling_window:
+            self._place(static.extent)
+        self._is_stale = True
 
     def _place(self, extent: Extent) -> None:
         offset = extent.offset_from(self._extent)

@@ -11,6 +11,8 @@ from slamcli.errors import ConfigError
 from slamcli.navigation.dwa import DwaPlanner
 from slamcli.navigation.dwa_parameters import ALIASES, DwaParameters
 from slamcli.navigation.local_planner import LocalPlanner
+from slamcli.navigation.pursuit import RegulatedPurePursuit
+from slamcli.navigation.pursuit_parameters import PursuitParameters
 from slamcli.navigation.teb import TebParameters, TebPlanner
 
 LocalPlannerKind = Literal["dwa", "teb", "pursuit"]
@@ -71,6 +73,12 @@ LOCAL_PLANNERS: Mapping[LocalPlannerKind, LocalPlannerEntry] = {
         build=lambda parameters, period_s, _: TebPlanner(parameters, control_period_s=period_s),
         plugins=("teb_local_planner/TebLocalPlannerROS",),
         lent=_LENT_TO_TEB,
+    ),
+    "pursuit": LocalPlannerEntry(
+        section="FollowPath",
+        parameters=PursuitParameters,
+        build=lambda parameters, period_s, _: RegulatedPurePursuit(parameters, control_period_s=period_s),
+        plugins=("nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController",),
     ),
 }
 

@@ -117,6 +117,8 @@ class ClosedLoop:
         """Give move_base a goal (3,) in map, and run until it is done or `timeout_s` simulated seconds are over."""
         if self._ticks == 0:
             self.wait(2 * TICK_S)  # a first scan, so that the first plan knows what is in the way
+        self.localiser.reach_to(goal)
+        self._take_map()
         for listener in self.listeners:
             listener.on_goal(self.time_s, goal)
         self.move_base.set_goal(goal, self.state)
@@ -166,9 +168,13 @@ class ClosedLoop:
             if is_new:
                 where = self.localiser
                 listener.on_localisation(self.time_s, where.T_map_odom, where.covariance, where.particles)
+        self._take_map()
+
+    def _take_map(self) -> None:
         grid = self.localiser.new_map()
         if grid is not None:
             self.costmaps.world.set_map(grid)
+            self.costmaps.local.set_map(grid)
             for listener in self.listeners:
                 listener.on_map(self.time_s, grid)
 
@@ -180,7 +186,7 @@ class ClosedLoop:
                 costmap.observe(observe_scan(scan, T_frame_laser, source, self.time_s, self.plant.parameters.laser_z))
 
     def _update_local(self) -> None:
-        self.costmaps.local.update(self._pose_odom, self.time_s)
+        self.costmaps.local.update(self._pose_odom, self.time_s, self.localiser.T_map_odom)
 
     def _update_global(self) -> None:
         self.costmaps.world.update(self.state.pose_map, self.time_s)

@@ -109,6 +109,8 @@ def generate(
     if start is not None:
         place = dataclasses.replace(place, start=start)
     parameters = resolve_settings(place.settings, settings or {})
+    if place.carts or parameters.carts_count:
+        log.warn("carts and obstacles that come and go are met by robots that navigate; this recording is without them")
     with log.stage("driving"):
         simulation = Simulation(place, parameters, seed=seed, duration_s=duration_s)
     with create_recording(path, format=format, compression=compression) as recording:

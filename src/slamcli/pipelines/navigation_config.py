@@ -12,6 +12,7 @@ from slamcli.errors import ConfigError
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.native import Setting, read_launch, read_ros_yaml
 from slamcli.native.settings import find_native
+from slamcli.navigation.layered_files import read_costmaps
 from slamcli.navigation.layered_parameters import LayeredParameters
 from slamcli.navigation.local_planners import LOCAL_PLANNERS, LocalPlannerKind, find_local_planner
 from slamcli.navigation.move_base_parameters import MoveBaseParameters, RecoveryParameters
@@ -102,6 +103,10 @@ def load_navigation(
     for path in paths:
         for setting in _read(path, log, arguments or {}):
             collected.take(setting)
+    if not collected.has_costmaps:  # as with no file at all: slamcli's own
+        for setting in _read(find_native(Path(DEFAULT_FILE)), log, {}):
+            if setting.name.partition("/")[0] in _COSTMAPS:
+                collected.take(setting)
     for text in sets:
         collected.take(parse_set(text), anywhere=True)
     return collected.build(local_planner, tuple(paths))
@@ -175,14 +180,21 @@ class _Collected:
         elif anywhere and (section := self._only(name, setting)) is not None:
             self._put(section, name, setting)
         else:
-            for costmap in _COSTMAPS:  # what move_base's files have outside of any section is for both
-                self._costmaps.append((f"{costmap}.{name}", setting.value, setting.source))
+            self._costmaps.append((name, setting.value, setting.source))  # of both, or unknown
             self._sources[name] = setting.source
+
+    @property
+    def has_costmaps(self) -> bool:
+        """Whether anything was said of a costmap."""
+        return bool(self._costmaps)
 
     def build(self, local_planner: str | None, files: tuple[Path, ...]) -> NavigationConfig:
         """Return the parameters, checked."""
-        values: dict[str, Any] = {"robot_radius": 0.18, "inflation_radius": 0.5, "cost_scaling_factor": 10.0}
-        global_costmap, local_costmap = (LayeredParameters.standard(n, **values) for n in ("global", "local"))
+        costmaps = read_costmaps(self._costmaps)
+        for name, _, source in costmaps.rest:
+            raise ConfigError(unknown_name(name, self._names(), source))
+        for note in costmaps.notes:
+            self._log.note(note)
         move_base = resolve(MoveBaseParameters, self._values.get("move_base", {}))
         kind = find_local_planner(local_planner or move_base.base_local_planner)
         for why, names in self._ignored.items():
@@ -190,8 +202,8 @@ class _Collected:
         local_values = self._borrowed(kind) | self._values.get(kind, {})
         return NavigationConfig(
             amcl=resolve(AmclParameters, self._values.get("amcl", {})),
-            global_costmap=global_costmap,
-            local_costmap=local_costmap,
+            global_costmap=costmaps.global_costmap,
+            local_costmap=costmaps.local_costmap,
             planner=resolve(PlannerParameters, self._values.get("planner", {})),
             move_base=move_base,
             recovery=resolve(RecoveryParameters, self._values.get("recovery", {})),
@@ -232,6 +244,9 @@ class _Collected:
             choices = ", ".join(f"{self._title(section)}/{name}" for section in found)
             raise ConfigError(f"{setting.source} {name}: several parts have a parameter of that name: write {choices}")
         return found[0] if found else None
+
+    def _names(self) -> list[str]:
+        return [f"{self._title(section)}/{name}" for section, known in self._known.items() for name in known]
 
     def _title(self, section: str) -> str:
         return next((p.section for kind, p in LOCAL_PLANNERS.items() if kind == section), section)

@@ -53,7 +53,7 @@ class RecordingRates:
     people_s: float = 0.1
     local_plan_s: float = 0.1
     costmaps_s: dict[str, float] = field(default_factory=lambda: {"global": 2.0, "local": 0.5})
-    """By name; costmap_2d's ``publish_frequency`` of the mission."""
+    """By name: one over costmap_2d's ``publish_frequency`` (here the mission's); infinite is never."""
 
 
 class NavigationRecording(LoopListener):
@@ -162,7 +162,7 @@ class NavigationRecording(LoopListener):
         """Write the whole costmap if it changed and the last one is long enough ago."""
         topic = costmap_topic(name)
         period = max(self._rates.costmaps_s.get(name, 0.0), costmap.costs.size / _CELLS_PER_S)
-        if not self._is_due(topic, time_s, period):
+        if math.isinf(period) or not self._is_due(topic, time_s, period):
             return
         grid = OccupancyGrid(
             cells=TRANSLATION[costmap.costs], resolution_m=costmap.resolution_m, origin=(*costmap.origin_m, 0.0),

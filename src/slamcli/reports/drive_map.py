@@ -57,8 +57,17 @@ def _known(poses: Array) -> list[Array]:
 
 
 def _people(story: DriveStory, place: Place) -> Layer:
-    ways = story.people_ways()
+    ways = [part for way in story.people_ways() for part in _inside(way, place)]
     return _ways(f"people ({len(ways)})" if len(ways) > 1 else "people", ways, place, "person")
+
+
+def _inside(way: Array, place: Place) -> list[Array]:
+    """Return the parts of a way that lie on the drawing."""
+    at, frame = place(way), place.frame
+    x_in = (at[:, 0] >= frame.left) & (at[:, 0] <= frame.right)
+    inside = x_in & (at[:, 1] >= frame.top) & (at[:, 1] <= frame.bottom)
+    cuts = np.flatnonzero(np.diff(inside.astype(np.int64))) + 1
+    return [part for part, kept in zip(np.split(way, cuts), np.split(inside, cuts), strict=True) if kept[0]]
 
 
 def _plans(story: DriveStory, place: Place) -> Layer:

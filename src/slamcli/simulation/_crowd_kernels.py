@@ -15,17 +15,18 @@ _A = 4.5  # m/s^2
 _GAMMA = 0.35
 _N_SIDE, _N_AHEAD = 2.0, 3.0
 _LAMBDA = 2.0
+_THING_A, _THING_B = 10.0, 0.15  # m/s^2, m: nobody likes to touch a robot or a cart, wherever it moves
 _PREFERS = 0.005  # rad/m: the side that is preferred
 _WALL_A, _WALL_B = 3.0, 0.1
 _SEES = 4.0  # m
 _MOST_FORCE = 6.0  # m/s^2: nobody reacts harder
 _PUSH = 40.0  # 1/s^2: bodies that overlap push each other apart
-_AHEAD_STEPS = 16
+_AHEAD_M = 1.6  # how far down the costs people look
 
 
 @njit(cache=True, nogil=True)
 def room_at(room, frame, x, y):
-    """Distance to the nearest wall on a field (H, W) of cells frame[2] wide from corner frame[0:2]; 0 outside."""
+    """Distance to the nearest wall on a field (H, W) of cells frame[2] wide from the corner frame[0:2]; 0 outside."""
     column, row = np.int64(math.floor((x - frame[0]) / frame[2])), np.int64(math.floor((y - frame[1]) / frame[2]))
     if row < 0 or column < 0 or row >= room.shape[0] or column >= room.shape[1]:
         return 0.0
@@ -48,13 +49,13 @@ def _is_clear(room, frame, ax, ay, bx, by, need):
 
 @njit(cache=True, nogil=True)
 def _descend(field, frame, x, y, room, need):
-    """Return the farthest point in sight down the field of costs (h, w), cells twice as wide, and the cost here."""
-    size = 2.0 * frame[2]
+    """Return the farthest point in sight down the field of costs (h, w) with cells frame[3] wide, and the cost here."""
+    size = frame[3]
     column, row = np.int64(math.floor((x - frame[0]) / size)), np.int64(math.floor((y - frame[1]) / size))
     row, column = min(max(row, 0), field.shape[0] - 1), min(max(column, 0), field.shape[1] - 1)
     here = field[row, column]
     tx, ty = x, y
-    for step in range(_AHEAD_STEPS):
+    for step in range(max(np.int64(_AHEAD_M / size), 3)):
         best, to_row, to_column = field[row, column], row, column
         for r in range(max(row - 1, 0), min(row + 2, field.shape[0])):
             for c in range(max(column - 1, 0), min(column + 2, field.shape[1])):
@@ -64,7 +65,7 @@ def _descend(field, frame, x, y, room, need):
             break
         row, column = to_row, to_column
         px, py = frame[0] + (column + 0.5) * size, frame[1] + (row + 0.5) * size
-        if step > 1 and not _is_clear(room, frame, x, y, px, py, need):
+        if step > 0 and not _is_clear(room, frame, x, y, px, py, need):
             break
         tx, ty = px, py
     return tx, ty, here
@@ -102,6 +103,16 @@ def _interaction(gx, gy, vx, vy, ux, uy, extra, force):
     turn = -_A * math.copysign(1.0, theta) * math.exp(-distance / b - (_N_SIDE * b * theta) ** 2)
     force[0] += slow * tx - turn * ty
     force[1] += slow * ty + turn * tx
+
+
+@njit(cache=True, nogil=True)
+def _keep_off(gx, gy, gap, force):
+    """Add the repulsion from a thing whose nearest point lies at g, `gap` from the body (Helbing and Molnar 1995)."""
+    far = math.hypot(gx, gy)
+    if gap < 1.0 and far > 1e-6:
+        push = _THING_A * math.exp(-max(gap, 0.0) / _THING_B) / far
+        force[0] -= push * gx
+        force[1] -= push * gy
 
 
 @njit(cache=True, nogil=True)
@@ -186,7 +197,7 @@ def walk(
                 targets[i, 1] = following if following < way_ends[i, 1] else way_ends[i, 0]
                 tx, ty = ways[targets[i, 1], 0], ways[targets[i, 1], 1]
         else:
-            tx, ty, cost = _descend(fields[targets[i, 0]], field_frame, x, y, room, radius + 0.03)
+            tx, ty, cost = _descend(fields[targets[i, 0]], field_frame, x, y, room, radius)
             me[11] += step
             if cost < me[12]:
                 me[11], me[12] = 0.0, cost
@@ -219,9 +230,11 @@ def walk(
                     force[0] -= _PUSH * (2.0 * radius - far) * gx / far
                     force[1] -= _PUSH * (2.0 * radius - far) * gy / far
             _interaction(qx - x, qy - y, vx, vy, robot[3], robot[4], margin - radius, force)
+            _keep_off(qx - x, qy - y, gap, force)
             for j in range(carts.shape[0]):
                 px, py = _nearest_on_box(carts[j], x, y)
                 _interaction(px - x, py - y, vx, vy, carts[j, 7], carts[j, 8], carts[j, 6] - radius, force)
+                _keep_off(px - x, py - y, math.hypot(px - x, py - y) - carts[j, 6] - radius, force)
             _wall_force(room, field_frame, x, y, radius, force)
             size = math.hypot(force[0], force[1])
             if size > _MOST_FORCE:

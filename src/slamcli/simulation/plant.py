@@ -43,8 +43,18 @@ class Plant:
     what stands on the floor.
     """
 
-    def __init__(self, world: World, parameters: SimulationParameters, *, start: Array, seed: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        parameters: SimulationParameters,
+        *,
+        start: Array,
+        seed: int = 0,
+        odometry_start: Array | None = None,
+    ) -> None:
         """Place the robot at `start` (3,): x, y (metres) and yaw (radians) of base_link in the map.
+
+        `odometry_start` (3,) is what odometry says there; None: the origin.
 
         Raises
         ------
@@ -72,8 +82,12 @@ class Plant:
         self._scanner = LiveScanner(p, self.stream("laser"))
         self._poses = np.empty((p.laser_beams, 3))
         self._odometry_rng, self._slip_rng = self.stream("odometry"), self.stream("slip")
+        self._laser_clock_rng, self._odometry_clock_rng = self.stream("laser clock"), self.stream("odometry clock")
         self._start_ns = round(p.clock_start * 1e9)
         self._contacts: list[Contact] = []
+        if odometry_start is not None:
+            self._state[7:10] = odometry_start
+            self._history[:, 3:6] = odometry_start
         self.teleport(start)
         self._traffic = Traffic(world, p, self._state[:3], self._outline, self._radius, self.stream)
         self._movers, self._seen = self._traffic.bodies, self._traffic.seen
@@ -243,13 +257,15 @@ class Plant:
         self._history[:, :3] = there
 
     def odometry(self) -> Odometry:
-        """Return what the wheels say now, under a stamp moved by `clock.odometry_offset`."""
+        """Return what the wheels say now, under a stamp moved by `clock.odometry_offset` and its jitter."""
         x, y, yaw = self._state[7:10].tolist()
         vx, vy, w = self._state[10:13].tolist()
+        p = self.parameters
+        late_ns = round(p.clock_odometry_offset * 1e9) + _jitter_ns(p.clock_odometry_jitter, self._odometry_clock_rng)
         return Odometry(
-            stamp_ns=self.stamp_ns + round(self.parameters.clock_odometry_offset * 1e9),
+            stamp_ns=self.stamp_ns + late_ns,
             frame_id=ODOM_FRAME,
-            child_frame_id=self.parameters.robot_base_frame,
+            child_frame_id=p.robot_base_frame,
             position_m=np.array([x, y, 0.0]),
             quat_xyzw=np.array([0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)]),
             linear_m_s=np.array([vx, vy, 0.0]),
@@ -266,7 +282,8 @@ class Plant:
 
     def scan(self) -> LaserScan:
         """Return the scan whose last beam is measured now; its stamp is that of its first beam (`sweep_s` ago)."""
-        return self._scanner.scan(self.true_ranges(), self.stamp_ns)
+        late_ns = _jitter_ns(self.parameters.clock_laser_jitter, self._laser_clock_rng)
+        return self._scanner.scan(self.true_ranges(), self.stamp_ns + late_ns)
 
     def true_ranges(self) -> Array:
         """Return the exact distances (N,) along the beams of the scan that ends now; inf beyond `laser.range_max`."""
@@ -288,6 +305,10 @@ class Plant:
         """Return how long ago people and carts last decided, at most a whole step: they decide anew when time goes on."""
         now = int(self._counters[0])
         return ((now - 1) % _STEP_TICKS + 1) * TICK_S if now else 0.0
+
+
+def _jitter_ns(deviation_s: float, rng: np.random.Generator) -> int:
+    return round(deviation_s * float(rng.standard_normal()) * 1e9) if deviation_s > 0.0 else 0
 
 
 def _wrapped(pose: Array) -> Array:

@@ -51,7 +51,7 @@ class Pedestrians:
         self._way_ends = np.zeros((count, 2), np.int64)
         self._goals: Destinations = site.destinations(robot[:2])
         grid = site.space.grid
-        self._frame = np.array([*grid.origin[:2], grid.resolution_m])
+        self._frame = np.array([*grid.origin[:2], grid.resolution_m, self._goals.cell_m])
         self._ways = self._place_walkers(walkers)
         self._place_others(len(walkers), parameters, robot)
         self.bodies: Array = np.zeros((count, 9))
@@ -157,7 +157,7 @@ def warm() -> None:
     """Compile the kernels of this module."""
     people, targets = np.zeros((2, 13)), np.full((2, 2), -2, np.int64)
     targets[0, 0] = 0
-    room, frame, ends = np.ones((2, 2), np.float32), np.array([0.0, 0.0, 0.1]), np.array([[0, 1], [0, 1]])
+    room, frame, ends = np.ones((2, 2), np.float32), np.array([0.0, 0.0, 0.1, 0.2]), np.array([[0, 1], [0, 1]])
     _crowd_kernels.walk(
         STEP_S, people, targets, np.zeros((1, 1, 1), np.int32), frame, room, np.zeros((1, 2)), ends, True, np.ones(6),
         np.zeros((1, 2)), 0.2, np.zeros((0, 9)), BODY_RADIUS_M,

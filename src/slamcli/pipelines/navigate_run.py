@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: MIT
+"""A whole run of the navigation stack: waypoint after waypoint, recorded, filmed and summed up."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from slamcli.errors import ProcessError, UsageError
+from slamcli.evaluation.drive_story import DriveStory, Event, GoalStory
+from slamcli.navigation.global_planner import Method
+from slamcli.outputs import atomic_directory, check_directory, check_file
+from slamcli.pipelines.animation import Animation
+from slamcli.pipelines.loop_listener import LoopListener
+from slamcli.pipelines.mission import Waypoint
+from slamcli.pipelines.navigate import Arrival, Navigator
+from slamcli.pipelines.navigate_outputs import FILM, RECORDING, navigation_document, write_folder
+from slamcli.pipelines.navigation_config import load_navigation
+from slamcli.pipelines.navigation_recording import NavigationRecording, RecordingRates
+from slamcli.pipelines.story_teller import StoryTeller
+from slamcli.recordings.containers import create_raw
+from slamcli.reports.film import check_film
+from slamcli.runtime import RunLog
+from slamcli.simulation import laser
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigateRequest:
+    """Where to drive, with what, and what to leave behind."""
+
+    waypoints: tuple[Waypoint, ...]
+    map_path: Path
+    start: tuple[float, ...]
+    """x, y and perhaps yaw (metres, radians) in map."""
+    world: str | None = None
+    """What is simulated if it is not what the map shows."""
+    config_files: tuple[Path, ...] = ()
+    sets: tuple[str, ...] = ()
+    launch_arguments: Mapping[str, str] = field(default_factory=dict)
+    local_planner: str | None = None
+    global_planner: Method = "navfn"
+    dwa_scaling: Literal["noetic", "kinetic"] = "noetic"
+    localization: Literal["amcl", "truth"] = "amcl"
+    people: int = 0
+    timeout_s: float | None = None
+    """For each way, simulated seconds; None: by its length."""
+    seed: int = 0
+    output: Path | None = None
+    """Folder for everything; None: no folder."""
+    recording: Path | None = None
+    """Where the recording goes; None: into the folder."""
+    film: Path | None = None
+    """Where the animation goes; None: into the folder."""
+    lean: bool = False
+    """Leave recording and animation out of the folder."""
+    command: str = ""
+    """The command line that asks for this, for ``run.json``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NavigateOutcome:
+    """What came of it."""
+
+    story: DriveStory
+    document: Mapping[str, Any]
+    """The ``run.json`` document."""
+    written: tuple[Path, ...]
+
+    @property
+    def failure(self) -> str:
+        """Which goal was not reached, and why, in one line; empty if all were."""
+        failed = [goal for goal in self.story.goals if not goal.succeeded]
+        if not failed:
+            return ""
+        x, y, _ = failed[0].goal
+        others = f" (and {len(failed) - 1} of {len(self.story.goals)} more)" if len(failed) > 1 else ""
+        return f"goal {failed[0].name} ({x:g},{y:g}) {failed[0].status}: {failed[0].message}{others}"
+
+
+def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
+    """Drive to all waypoints in turn; one that cannot be reached does not keep the robot from the next.
+
+    Everything asked for is written when the run has ended; a run that is broken off leaves nothing.
+
+    Raises
+    ------
+    InputError
+        If the map, a parameter, the start or an output cannot be used.
+    DependencyError
+        If an MP4 is asked for and there is no ffmpeg.
+    """
+    began = time.perf_counter()
+    _check(request)
+    config = load_navigation(
+        request.config_files, request.sets, local_planner=request.local_planner, log=log, arguments=request.launch_arguments
+    )  # fmt: skip
+    with log.stage("prepare"):
+        robot = Navigator(
+            request.map_path, start=request.start, config=config, world=request.world, localization=request.localization,
+            global_planner=request.global_planner, dwa_scaling=request.dwa_scaling, people=request.people, seed=request.seed,
+        )  # fmt: skip
+    teller, written = StoryTeller(), list[Path]()
+    robot.listen(teller)
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(atomic_directory(request.output)) if request.output is not None else None
+        targets = _Targets(request, folder)
+        counts: Mapping[str, int] = {}
+        animation = Animation(robot.plant.T_base_laser)
+        if targets.film is not None:
+            robot.listen(animation)
+        with _recording(targets.recording, robot) as recording:
+            goals, collisions = _drive(request, robot, log)
+            counts = {} if recording is None else dict(sorted(recording.counts.items()))
+        story = teller.story(goals, collisions)
+        if targets.film is not None:
+            with log.stage("animation"):
+                animation.write(targets.film)
+        document = navigation_document(
+            request, robot, story, counts, log, total_s=time.perf_counter() - began, outputs=targets.names
+        )
+        if folder is not None:
+            document = write_folder(folder, request, document, story, config, log)
+    written += [p for p in (request.recording, request.film) if p is not None]
+    if request.output is not None:
+        written += [request.output / name for name in document["outputs"] if (request.output / name).is_file()]
+    return NavigateOutcome(story=story, document=document, written=tuple(written))
+
+
+class _Targets:
+    """Where recording and animation go."""
+
+    def __init__(self, request: NavigateRequest, folder: Path | None) -> None:
+        into = None if request.lean else folder
+        self.recording = request.recording or (None if into is None else into / RECORDING)
+        self.film = request.film or (None if into is None else into / FILM)
+        self.names = [p.name for p in (self.recording, self.film) if p is not None and p.parent == folder]
+
+
+def _check(request: NavigateRequest) -> None:
+    """Refuse outputs that could not be written, before any work is done."""
+    if not request.waypoints:
+        raise UsageError("no goal: give x,y or x,y,yaw (any number), or --mission FILE")
+    taken: set[Path] = {request.map_path.resolve()}
+    for target in (request.recording, request.film):
+        if target is None:
+            continue
+        if target.resolve() in taken:
+            raise UsageError(f"{target} is the map or named twice as an output: give each its own file")
+        taken.add(target.resolve())
+        if target.suffix:
+            check_file(target)
+    if request.recording is not None:
+        create_raw(request.recording)
+    if request.film is not None:
+        check_film(request.film)
+    if request.output is not None:
+        check_directory(request.output)
+
+
+@contextlib.contextmanager
+def _recording(target: Path | None, robot: Navigator) -> Iterator[NavigationRecording | None]:
+    if target is None:
+        yield None
+        return
+    plant, config = robot.plant, robot.config
+    periods = {
+        name: 1.0 / parameters.costmap.publish_frequency if parameters.costmap.publish_frequency > 0.0 else math.inf
+        for name, parameters in (("global", config.global_costmap), ("local", config.local_costmap))
+    }
+    listener = NavigationRecording(
+        target, start_ns=round(plant.parameters.clock_start * 1e9), T_base_laser=plant.T_base_laser, laser_frame=laser.FRAME,
+        laser_height_m=plant.parameters.laser_z, base_frame=plant.parameters.robot_base_frame,
+        rates=RecordingRates(costmaps_s=periods),
+    )  # fmt: skip
+    with listener:
+        robot.listen(listener)
+        yield listener
+
+
+def _drive(request: NavigateRequest, robot: Navigator, log: RunLog) -> tuple[list[GoalStory], list[Event]]:
+    goals, collisions = [], []
+    with log.stage("drive"):
+        robot.listen(_Watcher(log))
+        for waypoint in request.waypoints:
+            begin_s = robot.time_s
+            arrival = robot.go_to(waypoint.x, waypoint.y, waypoint.yaw, timeout_s=request.timeout_s)
+            goals.append(_goal_story(waypoint, arrival, begin_s))
+            if waypoint.wait_s > 0.0:
+                robot.wait(waypoint.wait_s)
+    for contact in robot.plant.collisions:
+        fault = "caused by the robot" if contact.by_robot else "not its fault"
+        words = f"{contact.kind} at {contact.speed_m_s:.2f} m/s, {fault}"
+        collisions.append(Event(time_s=contact.time_s, kind="collision", message=words))
+    return goals, collisions
+
+
+def _goal_story(waypoint: Waypoint, arrival: Arrival, begin_s: float) -> GoalStory:
+    drive = arrival.drive
+    return GoalStory(
+        name=waypoint.name,
+        goal=arrival.goal,
+        status=arrival.status,
+        message=arrival.message,
+        begin_s=begin_s if drive is None else drive.begin_s,
+        end_s=begin_s if drive is None else drive.end_s,
+        length_m=0.0 if drive is None else drive.length_m,
+        optimum_m=arrival.optimum_m,
+        clearance_m=math.inf if drive is None else drive.clearance_m,
+        collisions=0 if drive is None else len(drive.collisions),
+        caused=0 if drive is None else sum(c.by_robot for c in drive.collisions),
+        recoveries=() if drive is None else drive.recoveries,
+        plans=0 if drive is None else drive.plans,
+    )
+
+
+class _Watcher(LoopListener):
+    """Passes the simulated time on to who waits."""
+
+    def __init__(self, log: RunLog) -> None:
+        self._progress = log.progress
+
+    def on_truth(self, time_s: float, pose_map: Any, twist: Any) -> None:  # noqa: ARG002
+        """Report it."""
+        self._progress.update(time_s)
+
+
+def require_all_reached(outcome: NavigateOutcome) -> None:
+    """Raise if a goal was not reached.
+
+    Raises
+    ------
+    ProcessError
+        With the first such goal and why.
+    """
+    if outcome.failure:
+        raise ProcessError(outcome.failure)
