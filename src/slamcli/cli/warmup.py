@@ -41,6 +41,7 @@ ROOMS = (
     "navigation.navfn",
     "navigation.obstacle_layer",
     "navigation.path_shape",
+    "navigation.potential_search",
     "navigation.voxel_layer",
     "navigation.shortest_path",
     "navigation.teb.band",
