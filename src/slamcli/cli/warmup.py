@@ -42,6 +42,7 @@ ROOMS = (
     "navigation.obstacle_layer",
     "navigation.path_shape",
     "navigation.potential_search",
+    "navigation.scan_observation",
     "navigation.voxel_layer",
     "navigation.shortest_path",
     "navigation.teb.band",
