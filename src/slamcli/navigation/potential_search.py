@@ -18,7 +18,8 @@ from slamcli.navigation.search_space import Cell, SearchGrid, UnreachableError, 
 COST_FACTOR = 3.0
 """global_planner's default of cost_factor; the other planners' is 0.8."""
 
-_RIM = (np.s_[1, :], np.s_[-2, :], np.s_[:, 1], np.s_[:, -2])
+_ALL = slice(None)
+_RIM: tuple[tuple[int | slice, int | slice], ...] = ((1, _ALL), (-2, _ALL), (_ALL, 1), (_ALL, -2))
 """The outermost cells of the map in a grid with a border."""
 
 
