@@ -17,7 +17,7 @@ from slamcli.navigation.costmap_parameters import (
     CostmapParameters,
 )
 from slamcli.navigation.planner_parameters import PlannerParameters
-from slamcli.parameters import Declaration, convert, declarations, unknown_name
+from slamcli.parameters import Declaration, convert, declarations, resolve, unknown_name
 
 _OURS = ("global_costmap", "ros__parameters")
 _PLANNER_SECTIONS = ("NavfnROS", "GlobalPlanner", "navfn")
@@ -35,12 +35,7 @@ class NavigationSettings:
 
     def build(self) -> tuple[CostmapParameters, PlannerParameters]:
         """Return the parameters, checked."""
-        return _build(CostmapParameters, self.costmap), _build(PlannerParameters, self.planner)
-
-
-def _build(kind: type, values: dict[str, Any]) -> Any:
-    fields = {d.name: d for d in declarations(kind)}
-    return kind(**{fields[name].field: value for name, value in values.items()})
+        return resolve(CostmapParameters, self.costmap), resolve(PlannerParameters, self.planner)
 
 
 def read_settings(entries: Iterable[tuple[str, Any, str]]) -> NavigationSettings:

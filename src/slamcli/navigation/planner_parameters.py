@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from slamcli.parameters import parameter
+from slamcli.navigation.hybrid_parameters import HybridParameters
+from slamcli.parameters import group, parameter
 
 ORIENTATION_MODES = (
     "none",
@@ -55,6 +56,12 @@ class PlannerParameters:
     simplify: bool = parameter(
         False, "Replace stretches by straight lines where these are free and cost no more.", extension=True
     )
+    smooth: bool = parameter(
+        False,
+        "Move the path's points towards the middle of their neighbours where that is free and costs no more.",
+        extension=True,
+    )
+    hybrid: HybridParameters = group(HybridParameters(), name="")
     visualize_potential: bool = parameter(False, "Accepted; no meaning offline.", effective=False)
     planner_window_x: float = parameter(0.0, "Accepted; navfn ignores it, too.", unit="m", effective=False)
     planner_window_y: float = parameter(0.0, "Accepted; navfn ignores it, too.", unit="m", effective=False)

@@ -204,6 +204,7 @@ class _Collected:
         kind = find_local_planner(local_planner or move_base.base_local_planner)
         for why, names in self._ignored.items():
             self._log.note(f"accepted without effect: {', '.join(names)} ({why})")
+        local_values = self._borrowed(kind) | self._values.get(kind, {})
         return NavigationConfig(
             amcl=resolve(AmclParameters, self._values.get("amcl", {})),
             global_costmap=costmaps.global_costmap,
@@ -213,11 +214,21 @@ class _Collected:
             recovery=resolve(RecoveryParameters, self._values.get("recovery", {})),
             monitor=resolve(CollisionMonitorParameters, self._values.get("monitor", {})),
             local_planner=kind,
-            local_parameters=resolve(LOCAL_PLANNERS[kind].parameters, self._values.get(kind, {})),
+            local_parameters=resolve(LOCAL_PLANNERS[kind].parameters, local_values),
             simulation=self._values.get("simulation", {}),
             sources=self._sources,
             files=files,
         )
+
+    def _borrowed(self, kind: LocalPlannerKind) -> dict[str, Any]:
+        """Return the robot's limits that a local planner takes over from DWA's section where its own does not say."""
+        own = self._values.get(kind, {})
+        lent = LOCAL_PLANNERS[kind].borrow(self._values.get("dwa", {}))
+        values = {name: value for name, value in lent.items() if name not in own}
+        if values:
+            taken = ", ".join(f"{name} {value:g}" for name, value in values.items())
+            self._log.note(f"{LOCAL_PLANNERS[kind].section} takes the robot's limits from DWAPlannerROS: {taken}")
+        return values
 
     def _put(self, section: str, name: str, setting: Setting) -> None:
         known = self._known[section]
