@@ -14,7 +14,7 @@ from slamcli.errors import ConfigError
 from slamcli.formats.maps import read_map
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements.laser import LaserScan
-from slamcli.navigation import inflation_layer, obstacle_layer
+from slamcli.navigation import inflation_layer, obstacle_layer, scan_observation
 from slamcli.navigation.cell_bounds import CellBounds
 from slamcli.navigation.costmap import compute_costmap
 from slamcli.navigation.layered_costmap import LayeredCostmap
@@ -520,6 +520,7 @@ def test_kernels_compile_once() -> None:
     kernels = [kernel for kernel in kernels if hasattr(kernel, "signatures")]
     inflation_layer.warm()
     obstacle_layer.warm()
+    scan_observation.warm()
     before = [len(kernel.signatures) for kernel in kernels]
     for grid in (TEN, None):
         layered = costmap(grid, inflation_radius=1.0)
