@@ -14,7 +14,7 @@ from slamcli.errors import ConfigError
 from slamcli.formats.maps import read_map
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements.laser import LaserScan
-from slamcli.navigation import inflation_layer, obstacle_layer
+from slamcli.navigation import inflation_layer, obstacle_layer, scan_observation
 from slamcli.navigation.cell_bounds import CellBounds
 from slamcli.navigation.costmap import compute_costmap
 from slamcli.navigation.layered_costmap import LayeredCostmap
@@ -380,7 +380,8 @@ def test_observations_persist_as_long_as_they_should() -> None:
         name="global",
         static=OccupancyGrid(np.zeros((4, 4), dtype=np.int8), 1.0),
     )
-    assert layered.out_of_date(0.0) == ("laser_scan",)
+    assert layered.out_of_date(0.5) == ()
+    assert layered.out_of_date(0.6) == ("laser_scan",)
     for time_s, column in ((0.0, 1.5), (0.6, 2.5), (1.5, 0.5)):
         layered.observe(dataclasses.replace(seen((column, 1.5), origin=(0.5, 0.5, 0.5)), time_s=time_s))
         layered.update([0.5, 0.5, 0.0], time_s)
@@ -519,6 +520,7 @@ def test_kernels_compile_once() -> None:
     kernels = [kernel for kernel in kernels if hasattr(kernel, "signatures")]
     inflation_layer.warm()
     obstacle_layer.warm()
+    scan_observation.warm()
     before = [len(kernel.signatures) for kernel in kernels]
     for grid in (TEN, None):
         layered = costmap(grid, inflation_radius=1.0)

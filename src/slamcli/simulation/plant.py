@@ -327,3 +327,4 @@ def warm() -> None:
     plant.scan()
     plant.odom_pose_at(plant.stamp_ns)
     _ = plant.clearance_m
+    _plant_kernels.mover_gap(np.zeros((1, 2)), 0.2, 1.5, 1.5, 0.0, np.zeros((1, 9)), np.zeros((1, 2)))
