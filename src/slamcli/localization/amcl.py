@@ -15,14 +15,14 @@ from slamcli.localization.likelihood_field import LocalizationMap
 from slamcli.localization.motion_model import MotionModel
 from slamcli.localization.particles import Estimate, effective_number, estimate, have_converged, resample
 from slamcli.localization.recovery import Averages, draw_near_candidates
-from slamcli.localization.refinement import fit_of, refine_pose, tells_enough
+from slamcli.localization.refinement import agreement, fit_of, refine_pose, tells_enough
 from slamcli.measurements import LaserScan
 
 _GATHERED_SHARE = 0.9
 """Of scattered particles, how many are put to where the first scan fits."""
 _UNDECIDED_SHARE, _DECIDED_WEIGHT = 0.1, 0.8
 """While no group of scattered particles has so much weight, this share goes on being drawn from the scan."""
-_LEAST_SHARE, _CLEARLY_BETTER = 0.02, 0.05
+_LEAST_SHARE, _CLEARLY_BETTER = 0.15, 0.15
 """Particles are not drawn elsewhere for less than this share, or where the scan does not fit better by so much."""
 _MOST_VAIN = 4
 """Searches in vain double the pause between them, at most so often: people around the robot are no reason to search at each scan."""
@@ -244,8 +244,11 @@ class Amcl:
         self._pause = max(self._pause - 1, 0)
         if share < _LEAST_SHARE or self._pause or not tells_enough(points):
             return 0.0, np.empty((0, 3))
-        better_than = 0.0 if self._scattered else self._fit + _CLEARLY_BETTER
-        others = draw_near_candidates(self._laser.map, points, better_than, p, self._rng)
+        better_than, map_ = 0.0, self._laser.map
+        if not self._scattered:
+            here = agreement(map_, points, self.pose[None], np.array([self._fit]))
+            better_than = float(here[0]) + _CLEARLY_BETTER
+        others = draw_near_candidates(map_, points, better_than, p, self._rng)
         self._vain = 0 if len(others) else min(self._vain + 1, _MOST_VAIN)
         self._pause = 2**self._vain - 1
         return share, others

@@ -15,18 +15,20 @@ from slamcli.localization import _weight_kernels as weight_kernels
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.localization.likelihood_field import LocalizationMap
 
-_NOISE_M = 0.1
+_NOISE_M = 0.3
 """Standard deviation of one reading about a wall of the map; more than the scanner's, for neighbours err alike."""
 _COARSE_M, _FINE_M = 0.4, 0.15
 """Readings much farther from walls than this pull less and less, far from the answer and close to it."""
 _ITERATIONS = 10
-_FARTHEST = 25.0
-"""Squared Mahalanobis distance that a refined pose may lie from what the particles say (5 standard deviations)."""
+_FARTHEST, _PER_DISTANCE = 4.0, 0.02
+"""Squared Mahalanobis distance that a refined pose may lie from what the particles say; so much fit weighs one unit of it up."""
 _LEAST_VARIANCE = np.array([1e-4, 1e-4, 3e-5])
 _FEWEST_POINTS = 10
 _TRIED, _KEPT = 200, 30
 _LOOSE = np.diag([4.0, 4.0, 33.0])
 """Holds a candidate to within about half a metre and ten degrees of where it was drawn."""
+_SPARE_M = 0.3
+"""A wall so close to the end of a beam is the one that it met."""
 _APART_M, _APART_RAD = 0.3, 0.2
 """Candidates closer than both count as one."""
 
@@ -54,6 +56,16 @@ def fit_of(map_: LocalizationMap, points: Array, pose: Array) -> float:
     return float(_refine(map_, points, pose, np.zeros((3, 3)), _FINE_M, 0, at))
 
 
+def agreement(map_: LocalizationMap, points: Array, poses: Array, fits: Array) -> Array:
+    """Return how well `poses` (N, 3) explain points (M, 2), at most 1: their `fits` (N,) less the share of beams that pass through walls.
+
+    Ends of beams alone would be explained by many a wrong place, where the beams pass through walls.
+    """
+    blocked = np.empty(len(poses))
+    kernels.blocked_shares(points, np.ascontiguousarray(poses), map_.frame, map_.distances, _SPARE_M, blocked)
+    return np.asarray(fits - blocked)
+
+
 def refine_pose(
     map_: LocalizationMap, points: Array, mean: Array, covariance: Array, starts: list[Array]
 ) -> Refined | None:
@@ -77,6 +89,7 @@ def refine_pose(
     """
     information = np.asarray(np.linalg.inv(covariance + np.diag(_LEAST_VARIANCE)), dtype=np.float64)
     best: Refined | None = None
+    least = -np.inf
     for start in starts:
         pose = start.copy()
         _refine(map_, points, mean, information, _COARSE_M, _ITERATIONS, pose)
@@ -84,13 +97,15 @@ def refine_pose(
         pose[2] = float(se2.wrap_angle(pose[2]))
         apart = pose - mean
         apart[2] = float(se2.wrap_angle(apart[2]))
-        if apart @ information @ apart <= _FARTHEST and (best is None or fit > best.fit):
-            best = Refined(pose, fit)
+        far = float(apart @ information @ apart)
+        score = fit - _PER_DISTANCE * far
+        if far <= _FARTHEST and score > least:
+            best, least = Refined(pose, fit), score
     return best
 
 
 def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return poses (K, 3) all over the map at which a scan lies best on the walls, and their fits (K,), best first.
+    """Return poses (K, 3) all over the map at which a scan lies best on the walls, and their `agreement` (K,).
 
     Of `num` poses drawn over the free cells the best are refined; those that come out together count once.
     """
@@ -109,7 +124,7 @@ def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.rand
         near = (np.hypot(apart[:, 0], apart[:, 1]) < _APART_M) & (np.abs(se2.wrap_angle(apart[:, 2])) < _APART_RAD)
         if len(chosen) < _KEPT and not near.any() and map_.is_free(found[n, :2]):
             chosen.append(int(n))
-    return found[chosen], fits[chosen]
+    return found[chosen], agreement(map_, points, found[chosen], fits[chosen])
 
 
 def _refine(
