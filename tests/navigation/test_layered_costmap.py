@@ -14,6 +14,7 @@ from slamcli.errors import ConfigError
 from slamcli.formats.maps import read_map
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements.laser import LaserScan
+from slamcli.navigation import inflation_layer, obstacle_layer, scan_observation
 from slamcli.navigation.cell_bounds import CellBounds
 from slamcli.navigation.costmap import compute_costmap
 from slamcli.navigation.layered_costmap import LayeredCostmap
@@ -379,7 +380,8 @@ def test_observations_persist_as_long_as_they_should() -> None:
         name="global",
         static=OccupancyGrid(np.zeros((4, 4), dtype=np.int8), 1.0),
     )
-    assert layered.out_of_date(0.0) == ("laser_scan",)
+    assert layered.out_of_date(0.5) == ()
+    assert layered.out_of_date(0.6) == ("laser_scan",)
     for time_s, column in ((0.0, 1.5), (0.6, 2.5), (1.5, 0.5)):
         layered.observe(dataclasses.replace(seen((column, 1.5), origin=(0.5, 0.5, 0.5)), time_s=time_s))
         layered.update([0.5, 0.5, 0.0], time_s)
@@ -497,3 +499,36 @@ def test_scans_on_real_maps_equal_a_full_recompute(path: Path) -> None:
     layered.start_over()
     layered.update(pose)
     np.testing.assert_array_equal(layered.window().costs, incremental)
+
+
+def test_the_same_input_gives_the_same_bytes() -> None:
+    def run() -> bytes:
+        random = np.random.default_rng(4)
+        layered = costmap(None, width=4.0, height=4.0, resolution=0.05, inflation_radius=0.5)
+        for step in range(20):
+            layered.observe(seen(*random.uniform(-2, 3, (40, 2)).tolist(), origin=(0.1 * step, 0.0, 0.2)))
+            layered.update([0.1 * step, 0.0, 0.3])
+        return layered.window().costs.tobytes()
+
+    assert run() == run()
+
+
+def test_kernels_compile_once() -> None:
+    from slamcli.navigation import _master_kernels, _obstacle_kernels
+
+    kernels = [getattr(module, name) for module in (_master_kernels, _obstacle_kernels) for name in dir(module)]
+    kernels = [kernel for kernel in kernels if hasattr(kernel, "signatures")]
+    inflation_layer.warm()
+    obstacle_layer.warm()
+    scan_observation.warm()
+    before = [len(kernel.signatures) for kernel in kernels]
+    for grid in (TEN, None):
+        layered = costmap(grid, inflation_radius=1.0)
+        layered.observe(
+            observe_scan(scan([1.0, math.inf, 2.0, math.nan]), np.array([4.5, 4.5, 0.1]), ObservationSource(), 0.0)
+        )
+        for x in (4.5, 7.0):
+            layered.update([x, 4.5, 0.0])
+        layered.clear_outside([4.5, 4.5, 0.0], 1.0, ["obstacle_layer"])
+        layered.update([7.0, 4.5, 0.0])
+    assert [len(kernel.signatures) for kernel in kernels] == before

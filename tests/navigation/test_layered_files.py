@@ -63,7 +63,9 @@ def test_mission_files_plain_and_loaded_into_namespaces() -> None:
     common = [("costmap_common_params.yaml", space) for space in ("global_costmap", "local_costmap")]
     found = read_costmaps(of_files(*common, *both, ("base_local_planner_params.yaml", "")))
     check_mission(found)
-    assert found.notes == ()
+    assert found.notes == (
+        "accepted without effect: robot_base_frame, sensor_frame, topic (no meaning for a simulated robot)",
+    )
     assert all(name.startswith("DWAPlannerROS") for name, _, _ in found.rest)
     assert len(found.rest) > 10
 
@@ -202,3 +204,12 @@ def test_wrong_sources_are_refused() -> None:
     ):
         with pytest.raises(ConfigError, match=message):
             read_costmaps([named, (f"obstacle_layer/scan/{name}", value, "c:2")])
+
+
+def test_a_local_costmap_stays_in_odom() -> None:
+    found = read_costmaps(
+        [("local_costmap/global_frame", "map", "l:1"), ("local_costmap/transform_tolerance", 0.5, "l:2")]
+    )
+    assert found.local_costmap.costmap.global_frame == "odom"
+    assert "stays in frame odom" in found.notes[-1]
+    assert "accepted without effect: transform_tolerance" in found.notes[0]

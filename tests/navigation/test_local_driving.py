@@ -15,7 +15,6 @@ from slamcli.navigation.local_planner import LocalPlanner
 from slamcli.navigation.pursuit import RegulatedPurePursuit
 from slamcli.navigation.pursuit_parameters import PursuitParameters
 
-pytestmark = pytest.mark.kernels
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 MISSION = {
     s.name.removeprefix("DWAPlannerROS/"): s.value for s in read_ros_yaml(CONFIGS / "base_local_planner_params.yaml")
@@ -26,7 +25,7 @@ DATA = Path(os.environ.get("SLAMCLI_TEST_DATA", "../shared/data")) / "maps"
 def planner(name: str) -> LocalPlanner:
     if name == "dwa":
         return DwaPlanner(read_dwa(MISSION))
-    return RegulatedPurePursuit(PursuitParameters(inflation_cost_scaling_factor=10.0))
+    return RegulatedPurePursuit(PursuitParameters())
 
 
 @pytest.mark.parametrize(("name", "tolerance"), [("dwa", 0.15), ("pursuit", 0.25)])

@@ -311,11 +311,11 @@ def test_outlines(kind):
     p = resolve(
         TebParameters,
         {
-            "footprint_model/type": kind,
-            "footprint_model/radius": 0.25,
-            "footprint_model/front_offset": 0.3,
-            "footprint_model/rear_offset": 0.4,
-            "footprint_model/vertices": "[[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]",
+            "footprint_model.type": kind,
+            "footprint_model.radius": 0.25,
+            "footprint_model.front_offset": 0.3,
+            "footprint_model.rear_offset": 0.4,
+            "footprint_model.vertices": "[[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]",
         },
     )
     outline = robot_outline(p.footprint_model, empty_window())
@@ -340,5 +340,5 @@ def test_distances_to_keep_come_with_the_footprint():
         return vector[kernels.MIN_DIST], vector[kernels.INFLATION]
 
     assert kept() == (0.1, 0.35)
-    assert kept(**{"footprint_model/type": "point"}) == (0.5, 0.6)
+    assert kept(**{"footprint_model.type": "point"}) == (0.5, 0.6)
     assert kept(min_obstacle_dist=0.2, inflation_dist=0.3) == (0.2, 0.3)

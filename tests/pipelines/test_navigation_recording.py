@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -189,3 +191,17 @@ def test_a_run_that_fails_leaves_no_file(tmp_path):
     with pytest.raises(RecordingError), recorded(tmp_path / "r.mcap"):
         raise RecordingError("stop")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_goal_is_not_drawn_as_a_way_that_was_driven(tmp_path, run, capsys):
+    assert main(["view", str(run[0]), "-o", str(tmp_path / "v.png"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert "/goal" in json.dumps(document["topics"])
+    assert "/goal in map" not in json.dumps(document)
+
+
+def test_a_costmap_that_is_not_published_is_not_written(tmp_path):
+    with recorded(tmp_path / "r.mcap", rates=RecordingRates(costmaps_s={"local": math.inf})) as listener:
+        listener.on_costmap(0.0, "local", costmap("local"))
+        listener.on_costmap(0.0, "global", costmap("global"))
+    assert set(listener.counts) == {"/tf_static", "/move_base/global_costmap/costmap"}

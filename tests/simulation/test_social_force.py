@@ -19,7 +19,6 @@ from slamcli.simulation.social_force import Pedestrians
 from slamcli.simulation.world import Walker
 
 SMALL = {"laser.beams": 4}
-pytestmark = pytest.mark.kernels
 
 
 def grid_world():
@@ -56,6 +55,7 @@ def naive_flow(goal, prices):
     return costs
 
 
+@pytest.mark.kernels
 def test_costs_to_a_place_equal_the_naive_ones():
     rng = np.random.default_rng(0)
     for _ in range(4):
@@ -81,6 +81,7 @@ def naive_interaction(gap, velocity, other, extra):
     return force.real, force.imag
 
 
+@pytest.mark.kernels
 def test_the_force_between_two_equals_the_naive_one():
     rng = np.random.default_rng(1)
     for _ in range(50):
@@ -91,6 +92,15 @@ def test_the_force_between_two_equals_the_naive_one():
     nothing = np.zeros(2)
     _crowd_kernels._interaction(4.2, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, nothing)
     np.testing.assert_array_equal(nothing, np.zeros(2))
+
+
+@pytest.mark.kernels
+def test_nobody_likes_to_touch_a_robot():
+    force = np.zeros(2)
+    _crowd_kernels._keep_off(0.3, 0.4, 0.15, force)
+    np.testing.assert_allclose(force, -10.0 * math.exp(-1.0) * np.array([0.6, 0.8]))
+    _crowd_kernels._keep_off(0.3, 0.4, 1.0, force)
+    np.testing.assert_allclose(np.hypot(*force), 10.0 * math.exp(-1.0))
 
 
 def walk(world, settings, seconds, seed=0, start=None, period=0.5):
@@ -118,6 +128,7 @@ def test_nobody_is_ever_in_a_wall_in_ten_minutes(world):
     assert not any(c.by_robot for c in robot.collisions)
 
 
+@pytest.mark.kernels
 def test_two_pass_each_other_in_a_corridor():
     there, back = np.array([[0.8, 0.8], [11.2, 0.8]]), np.array([[11.2, 0.8], [0.8, 0.8]])
     world = World(name="corridor", segments=corridor(), walkers=(Walker(there, 1.0), Walker(back, 1.0)))
@@ -147,6 +158,7 @@ def test_people_walk_around_a_robot_that_stands_in_their_way():
     assert robot.collisions == ()
 
 
+@pytest.mark.kernels
 def test_on_routes_people_wait_for_the_robot():
     world = World(name="tight", segments=corridor(1.0), walkers=(Walker(np.array([[1.0, 0.5], [11.0, 0.5]]), 1.0),))
     robot, tracks = walk(world, {"people.model": "routes"}, 20.0, start=(6.0, 0.5, 0.0), period=0.05)

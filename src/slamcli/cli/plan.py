@@ -37,10 +37,10 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--map", "map_path", type=click.Path(), required=True, metavar="FILE", help="The map's YAML.")
 @click.option(
     "--planner",
-    type=click.Choice(["navfn", "dijkstra", "astar"]),
+    type=click.Choice(["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar", "global_planner"]),
     default="navfn",
     show_default=True,
-    help="navfn: ROS' default, smooth. dijkstra, astar: cheapest path on the 8-connected grid (both find the same cost).",
+    help="navfn: ROS' default, smooth. dijkstra, astar: cheapest path on the 8-connected grid (both find the same cost). theta_star: any angle. hybrid_astar: drivable with a turning radius, headings and reverse. global_planner: ROS' package of that name with its options.",
 )
 @click.option("--costmap", "costmaps", multiple=True, type=click.Path(), metavar="FILE", help="costmap_2d parameter file; any number, later ones win.")  # fmt: skip
 @click.option("--robot-radius", type=float, metavar="METRES", help="Radius of a round robot; 0 plans for a point and looks for the shortest way (no inflation).")  # fmt: skip
@@ -49,6 +49,11 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--default-tolerance", type=float, metavar="METRES", help="How far from the goal the path may end.")
 @click.option("--allow-unknown/--no-allow-unknown", default=None, help="Plan through unknown cells (default: only where no other way exists).")  # fmt: skip
 @click.option("--simplify", is_flag=True, default=None, help="Straighten the path where that is free and costs no more.")  # fmt: skip
+@click.option("--smooth", is_flag=True, default=None, help="Smooth the path where that is free and costs no more.")
+@click.option(
+    "--turning-radius", type=float, metavar="METRES", help="hybrid_astar: least radius of a curve (default 0.4)."
+)
+@click.option("--forward-only", is_flag=True, default=None, help="hybrid_astar: no driving in reverse (Dubins instead of Reeds-Shepp).")  # fmt: skip
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Any costmap_2d or navfn parameter (see --list-settings).")  # fmt: skip
 @click.option("--pairs", "pairs_path", type=click.Path(), metavar="FILE.csv", help="Plan many: start_x,start_y,goal_x,goal_y per line; answers one JSON line each.")  # fmt: skip
 @click.option("--strict", is_flag=True, help="With --pairs: exit with 1 if any pair has no path.")
@@ -66,6 +71,7 @@ def command(
     \b
     slamcli plan -1.5,2.0 3.0,2.0 --map intel/map.yaml
     slamcli plan 0,0 12.5,-3,1.57 --map map.yaml --robot-radius 0.18 --planner astar -o path.mcap
+    slamcli plan 0,0,0 5,5,3.14 --map map.yaml --footprint '[[.3,.2],[-.2,.2],[-.2,-.2],[.3,-.2]]' --planner hybrid_astar
     slamcli plan 0,0 5,5 --map map.yaml --costmap costmap_common_params.yaml -o planned/
     slamcli plan --pairs pairs.csv --map map.yaml --robot-radius 0 --planner astar
 
@@ -77,6 +83,8 @@ def command(
     from slamcli.runtime import RunLog
 
     _check_usage(start, goal, pairs_path, strict)
+    if planner != "hybrid_astar" and (values["turning_radius"] is not None or values["forward_only"]):
+        raise UsageError("--turning-radius and --forward-only belong to --planner hybrid_astar")
     targets = [Path(p) for p in outputs]
     check_targets(targets)
     settings = _settings(assignments, values)
@@ -109,7 +117,13 @@ def _settings(assignments: tuple[str, ...], values: dict[str, Any]) -> dict[str,
         if not equals or not key.strip():
             raise UsageError(f"--set {assignment}: write it as KEY=VALUE, for example --set cost_scaling_factor=5")
         settings[key.strip()] = value.strip()
-    names = {"inflation_radius": "inflation_layer.inflation_radius"}
+    names = {
+        "inflation_radius": "inflation_layer.inflation_radius",
+        "turning_radius": "minimum_turning_radius",
+        "forward_only": "motion_model_for_search",
+    }
+    if values.get("forward_only"):
+        values["forward_only"] = "DUBIN"
     settings.update({names.get(key, key): value for key, value in values.items() if value is not None})
     return settings
 
@@ -181,6 +195,8 @@ def _print_table(answer: Answer, written: tuple[Path, ...]) -> None:
         ("time", f"{answer.time_ms:.1f} ms"),
         ("written", ", ".join(str(p) for p in written)),
     ]
+    if path.directions is not None:
+        rows.insert(4, ("reverse", f"{path.reverse_m:.3f} m"))
     if path.goal_offset_m > 1e-6:
         rows.insert(3, ("ends", f"{path.goal_offset_m:.3f} m from the goal (default_tolerance)"))
     for row in rows:

@@ -17,8 +17,8 @@ OSCILLATION, OBSTACLES, FRONT, ALIGNMENT, PATH, GOAL, TWIRLING, TOTAL = 0, 1, 2,
 
 
 @njit(cache=True, nogil=True)
-def line_cost(costs, r0, c0, r1, c1):
-    """Return the greatest cost on a line of cells, -1 if it touches an obstacle or an unknown cell."""
+def between_cost(costs, r0, c0, r1, c1):
+    """Return the greatest cost on the cells of a line without its ends."""
     dr = abs(r1 - r0)
     dc = abs(c1 - c0)
     step_r = 1 if r1 >= r0 else -1
@@ -30,12 +30,7 @@ def line_cost(costs, r0, c0, r1, c1):
     r = r0
     c = c0
     worst = 0
-    for _ in range(length + 1):
-        cost = int(costs[r, c])
-        if cost >= LETHAL:
-            return -1
-        if cost > worst:
-            worst = cost
+    for _ in range(length - 1):
         error += add
         side = error >= length
         if side:
@@ -48,6 +43,7 @@ def line_cost(costs, r0, c0, r1, c1):
             c += step_c
             if side:
                 r += step_r
+        worst = max(worst, int(costs[r, c]))
     return worst
 
 
@@ -62,6 +58,8 @@ def outline_cost(costs, footprint, x, y, cosine, sine, scale, origin_x, origin_y
     last_r = 0
     last_c = 0
     for i in range(count + 1):
+        r = first_r
+        c = first_c
         if i < count:
             px = footprint[i, 0] * scale
             py = footprint[i, 1] * scale
@@ -69,18 +67,14 @@ def outline_cost(costs, footprint, x, y, cosine, sine, scale, origin_x, origin_y
             r = math.floor((y + sine * px + cosine * py - origin_y) / resolution)
             if r < 0 or c < 0 or r >= height or c >= width:
                 return -1
-        else:
-            r = first_r
-            c = first_c
+            worst = max(worst, int(costs[r, c]))
         if i == 0:
             first_r = r
             first_c = c
-        else:
-            cost = line_cost(costs, last_r, last_c, r, c)
-            if cost < 0:
-                return -1
-            if cost > worst:
-                worst = cost
+        elif abs(r - last_r) > 1 or abs(c - last_c) > 1:
+            worst = max(worst, between_cost(costs, last_r, last_c, r, c))
+        if worst >= LETHAL:
+            return -1
         last_r = r
         last_c = c
     return worst
@@ -183,17 +177,20 @@ def grid_costs(points, count, grids, origin_x, origin_y, resolution, shift, soft
     c = 0
     front_r = 0
     front_c = 0
+    far_x = width * resolution - shift
+    far_y = height * resolution - shift
     for i in range(count):
         x = points[i, 0] - origin_x
         y = points[i, 1] - origin_y
         c = math.floor(x / resolution)
         r = math.floor(y / resolution)
-        front_c = math.floor((x + shift * points[i, 3]) / resolution)
-        front_r = math.floor((y + shift * points[i, 4]) / resolution)
         if r < 0 or c < 0 or r >= height or c >= width:
             return OFF_MAP
-        if front_r < 0 or front_c < 0 or front_r >= height or front_c >= width:
-            return OFF_MAP
+        if i == count - 1 or x <= shift or y <= shift or x >= far_x or y >= far_y:
+            front_c = math.floor((x + shift * points[i, 3]) / resolution)
+            front_r = math.floor((y + shift * points[i, 4]) / resolution)
+            if front_r < 0 or front_c < 0 or front_r >= height or front_c >= width:
+                return OFF_MAP
         for k in range(1, 3):
             if grids[k, r, c] == size:
                 return BLOCKED
@@ -222,12 +219,16 @@ def obstacle_cost(
 
     `around` has the greatest cost within `reach` cells of each cell, which saves looking where nothing can be found. With
     `escape` a motion that begins in an obstacle may go on as long as it does not come nearer to it. Costs above `most`
-    need not be exact.
+    need not be exact. A motion that begins free is looked at from its end, where there are more obstacles.
     """
     height, width = costs.shape
     total = 0.0
     clearance = -1.0
-    for i in range(count):
+    backward = False
+    for k in range(count):
+        if k == 1:
+            backward = clearance < 0.0
+        i = count - k if backward else k
         x = points[i, 0]
         y = points[i, 1]
         c = math.floor((x - origin_x) / resolution)
@@ -240,18 +241,7 @@ def obstacle_cost(
                 continue
         elif r < 0 or c < 0 or r >= height or c >= width:
             return OBSTACLE
-        cost = outline_cost(
-            costs,
-            footprint,
-            x,
-            y,
-            points[i, 3],
-            points[i, 4],
-            scale,
-            origin_x,
-            origin_y,
-            resolution,
-        )
+        cost = outline_cost(costs, footprint, x, y, points[i, 3], points[i, 4], scale, origin_x, origin_y, resolution)
         if cost < 0:
             if not escape or (i > 0 and clearance < 0.0):
                 return OBSTACLE

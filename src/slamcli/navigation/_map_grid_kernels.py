@@ -42,54 +42,63 @@ def plan_cells(costs, poses, origin_x, origin_y, resolution, cells):
 
 
 @njit(cache=True, nogil=True)
-def spread(costs, targets, clear_row, clear_col, clear_radius, queue, distance):
-    """Grow 4-connected distances, cells, from the targets; H*W marks obstacles, H*W + 1 what is not reached.
+def open_cells(costs, clear_row, clear_col, clear_radius, state):
+    """Write to state, (H + 2) * (W + 2): H*W + 1 for cells that can be passed, -1 for blocked ones, -2 around the costmap.
 
-    Cells of cost 253 within `clear_radius` cells of the robot's are passed (a negative radius: none).
+    Cells of cost 253 within `clear_radius` cells of the robot's can be passed (a negative radius: none).
     """
     height, width = costs.shape
-    size = height * width
+    stride = width + 2
+    state[:] = -2
     for r in range(height):
         for c in range(width):
-            distance[r, c] = size + 1
-    head = 0
+            at = (r + 1) * stride + c + 1
+            state[at] = height * width + 1
+            if costs[r, c] >= INSCRIBED:
+                state[at] = -1
+    reach = int(clear_radius) if clear_radius >= 0.0 else -1
+    for r in range(max(0, clear_row - reach), min(height, clear_row + reach + 1)):
+        for c in range(max(0, clear_col - reach), min(width, clear_col + reach + 1)):
+            squared = (r - clear_row) * (r - clear_row) + (c - clear_col) * (c - clear_col)
+            if costs[r, c] == INSCRIBED and squared <= clear_radius * clear_radius:
+                state[(r + 1) * stride + c + 1] = height * width + 1
+
+
+@njit(cache=True, nogil=True)
+def spread(state, height, width, targets, queue, flat, distance):
+    """Grow 4-connected distances, cells, from the targets; H*W marks obstacles, H*W + 1 what is not reached.
+
+    `state` is what `open_cells` wrote, `flat` a work array of its size, `distance` the result, (H, W).
+    """
+    size = height * width
+    stride = width + 2
+    flat[:] = state
     tail = 0
     for i in range(len(targets)):
         r = targets[i] // width
-        c = targets[i] - r * width
-        if distance[r, c] != 0:
-            distance[r, c] = 0
-            queue[tail] = targets[i]
+        at = (r + 1) * stride + targets[i] - r * width + 1
+        if flat[at] != 0:
+            flat[at] = 0
+            queue[tail] = at
             tail += 1
+    head = 0
     while head < tail:
         here = queue[head]
         head += 1
-        r0 = here // width
-        c0 = here - r0 * width
-        step = distance[r0, c0] + 1
+        step = flat[here] + 1
         for k in range(4):
-            r = r0
-            c = c0
-            if k == 0:
-                c = c0 - 1
-            elif k == 1:
-                c = c0 + 1
-            elif k == 2:
-                r = r0 - 1
-            else:
-                r = r0 + 1
-            if r < 0 or c < 0 or r >= height or c >= width or distance[r, c] != size + 1:
-                continue
-            cost = costs[r, c]
-            if cost >= INSCRIBED:
-                dr = r - clear_row
-                dc = c - clear_col
-                if cost != INSCRIBED or clear_radius < 0.0 or dr * dr + dc * dc > clear_radius * clear_radius:
-                    distance[r, c] = size
-                    continue
-            distance[r, c] = step
-            queue[tail] = r * width + c
-            tail += 1
+            at = here - 1 if k == 0 else here + 1 if k == 1 else here - stride if k == 2 else here + stride
+            value = flat[at]
+            if value == size + 1:
+                flat[at] = step
+                queue[tail] = at
+                tail += 1
+            elif value == -1:
+                flat[at] = size
+    for r in range(height):
+        for c in range(width):
+            value = flat[(r + 1) * stride + c + 1]
+            distance[r, c] = value if value >= 0 else size + 1
 
 
 @njit(cache=True, nogil=True)
@@ -98,16 +107,15 @@ def box_maximum(costs, radius, rows, out):
     height, width = costs.shape
     for r in range(height):
         for c in range(width):
-            best = 0
-            for k in range(max(0, c - radius), min(width, c + radius + 1)):
-                value = costs[r, k]
-                if value > best:
-                    best = value
-            rows[r, c] = best
+            rows[r, c] = costs[r, c]
+        for shift in range(1, radius + 1):
+            for c in range(width - shift):
+                rows[r, c] = max(rows[r, c], costs[r, c + shift])
+            for c in range(shift, width):
+                rows[r, c] = max(rows[r, c], costs[r, c - shift])
     for r in range(height):
         for c in range(width):
-            out[r, c] = 0
+            out[r, c] = rows[r, c]
         for k in range(max(0, r - radius), min(height, r + radius + 1)):
             for c in range(width):
-                if rows[k, c] > out[r, c]:
-                    out[r, c] = rows[k, c]
+                out[r, c] = max(out[r, c], rows[k, c])

@@ -99,6 +99,41 @@ def shortcut(levels: Bytes, blocked: Bools, weight: Floats, stride: int, points:
 
 
 @njit(cache=True)
+def relax(
+    levels: Bytes, blocked: Bools, weight: Floats, stride: int, points: Floats, rounds: int, settled: float
+) -> int:
+    """Move points (N, 2) half way to the middle of their neighbours where that is free and costs no more, in place.
+
+    Goes on until no point moves by `settled` cells, at most for `rounds` rounds; returns how many there were.
+    """
+    count = len(points)
+    costs = np.empty(count - 1)
+    for i in range(count - 1):
+        costs[i] = line_cost(
+            levels, blocked, weight, stride, points[i, 0], points[i, 1], points[i + 1, 0], points[i + 1, 1]
+        )
+    for done in range(rounds):
+        most = 0.0
+        for i in range(1, count - 1):
+            dr = 0.25 * (points[i - 1, 0] + points[i + 1, 0]) - 0.5 * points[i, 0]
+            dc = 0.25 * (points[i - 1, 1] + points[i + 1, 1]) - 0.5 * points[i, 1]
+            move = max(abs(dr), abs(dc))
+            if move < 0.1 * settled:
+                continue
+            r, c = points[i, 0] + dr, points[i, 1] + dc
+            before = line_cost(levels, blocked, weight, stride, points[i - 1, 0], points[i - 1, 1], r, c)
+            after = line_cost(levels, blocked, weight, stride, r, c, points[i + 1, 0], points[i + 1, 1])
+            if before + after > costs[i - 1] + costs[i]:
+                continue
+            points[i, 0], points[i, 1] = r, c
+            costs[i - 1], costs[i] = before, after
+            most = max(most, move)
+        if most < settled:
+            return done + 1
+    return rounds
+
+
+@njit(cache=True)
 def _push(keys: Floats, items: Ints, size: int, key: float, item: int) -> None:
     """Put an item on a binary heap of `size` entries that has room for one more."""
     at = size

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ class Costmap:
     circumscribed_radius_m: float
     inflation_radius_m: float
     warnings: tuple[str, ...] = ()
+    footprint: NDArray[np.float64] = field(default_factory=lambda: np.zeros((1, 2)))
+    """float64 (F, 2), metres, base frame: the robot's padded outline; one point at the origin for a robot without extent."""
 
     @property
     def lethal(self) -> NDArray[np.bool_]:
@@ -80,7 +82,7 @@ def compute_costmap(grid: OccupancyGrid, parameters: CostmapParameters, *, from_
             f"inflation radius {inflation:g} m is below the robot's inscribed radius {inscribed:.3f} m: the path may pass"
             " obstacles closer than the robot's body"
         )
-    return Costmap(grid, costs, squared, inscribed, circumscribed, inflation, tuple(warnings))
+    return Costmap(grid, costs, squared, inscribed, circumscribed, inflation, tuple(warnings), polygon)
 
 
 def static_costs(grid: OccupancyGrid, parameters: CostmapParameters) -> NDArray[np.uint8]:

@@ -17,7 +17,7 @@ from slamcli.navigation.costmap_parameters import (
     CostmapParameters,
 )
 from slamcli.navigation.planner_parameters import PlannerParameters
-from slamcli.parameters import Declaration, convert, declarations, unknown_name
+from slamcli.parameters import Declaration, convert, declarations, resolve, unknown_name
 
 _OURS = ("global_costmap", "ros__parameters")
 _PLANNER_SECTIONS = ("NavfnROS", "GlobalPlanner", "navfn")
@@ -35,12 +35,7 @@ class NavigationSettings:
 
     def build(self) -> tuple[CostmapParameters, PlannerParameters]:
         """Return the parameters, checked."""
-        return _build(CostmapParameters, self.costmap), _build(PlannerParameters, self.planner)
-
-
-def _build(kind: type, values: dict[str, Any]) -> Any:
-    fields = {d.name: d for d in declarations(kind)}
-    return kind(**{fields[name].field: value for name, value in values.items()})
+        return resolve(CostmapParameters, self.costmap), resolve(PlannerParameters, self.planner)
 
 
 def read_settings(entries: Iterable[tuple[str, Any, str]]) -> NavigationSettings:
@@ -96,7 +91,7 @@ class _Reader:
             self._take_planner(parts[1], value, source)
         elif head == "local_costmap":
             self._ignore("local_costmap", "configures the local costmap, which planning on a map does not have")
-        elif parts[0] in ("plugins", "layers", "lethal_cost") or parts[-1] == "plugin":
+        elif parts[0] in ("plugins", "layers") or parts[-1] == "plugin":
             self._ignore(parts[-1], "the layers here are always the static layer and inflation")
         elif head in self._layers and len(parts) > 1:
             self._take_layer(self._layers[head], parts[1:], value, source)

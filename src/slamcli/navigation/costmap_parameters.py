@@ -77,7 +77,7 @@ class CostmapParameters:
         name="track_unknown_space",
     )
     global_frame: str = parameter("map", "Frame of the map and of the path that is written.")
-    robot_base_frame: str = parameter("base_link", "Frame of the robot.")
+    robot_base_frame: str = parameter("base_link", "Accepted; the simulator says what its frames are.", effective=False)
     transform_tolerance: float = parameter(0.3, _NO_TIME, unit="s", maximum=1e6, effective=False)
     update_frequency: float = parameter(
         5.0, "How often the costmap is updated; 0: never.", unit="Hz", minimum=0.0, maximum=1000.0

@@ -28,7 +28,7 @@ REASONS = {
     int(kernels.PRUNED): "cost more than the best one",
 }
 """Why a motion is out, by its total."""
-_WITHIN = 0.8
+_WITHIN = 0.97
 _REACTION_S = 0.15
 
 
@@ -99,7 +99,7 @@ class DwaScoring:
         growth = 1.0 + float(self._growth[1])
         self._reach = math.ceil(costmap.circumscribed_radius_m * growth / costmap.resolution_m) + 1
         grid_kernels.box_maximum(costmap.costs, self._reach, self._rows, self._around)
-        self._clear(pose, costmap)
+        self._find_open_cells(pose, costmap)
         offset = plan[-1, :2] - pose[:2]
         nose = plan.copy()
         angle = math.atan2(offset[1], offset[0])
@@ -198,17 +198,17 @@ class DwaScoring:
             height, width = self._shape = costmap.costs.shape
             self._grids = np.zeros((3, height, width), dtype=np.int64)
             self._queue = np.zeros(height * width, dtype=np.int64)
+            self._open, self._flat = (np.zeros((height + 2) * (width + 2), dtype=np.int64) for _ in range(2))
             self._rows = np.zeros((height, width), dtype=np.uint8)
             self._around = np.zeros((height, width), dtype=np.uint8)
             self._cells = np.zeros(4 * (height + width), dtype=np.int64)
 
-    def _clear(self, pose: NDArray[np.float64], costmap: CostWindow) -> None:
-        """Note the cells around the robot whose inflation does not block its way."""
+    def _find_open_cells(self, pose: NDArray[np.float64], costmap: CostWindow) -> None:
+        """Note what can be passed; with `escape` inflation around the robot does not block its way."""
         (x, y), resolution = costmap.origin_m, costmap.resolution_m
-        self._row = math.floor((pose[1] - y) / resolution)
-        self._column = math.floor((pose[0] - x) / resolution)
-        radius = costmap.inscribed_radius_m / resolution + 1.0
-        self._clear_radius = radius if self._parameters.escape else -1.0
+        row, column = math.floor((pose[1] - y) / resolution), math.floor((pose[0] - x) / resolution)
+        radius = costmap.inscribed_radius_m / resolution + 1.0 if self._parameters.escape else -1.0
+        grid_kernels.open_cells(costmap.costs, row, column, radius, self._open)
 
     def _plan_cells(self, plan: NDArray[np.float64], costmap: CostWindow) -> NDArray[np.int64]:
         x, y = costmap.origin_m
@@ -227,9 +227,8 @@ class DwaScoring:
         return cells[-1:]
 
     def _spread(self, place: int, targets: NDArray[np.int64]) -> None:
-        grid_kernels.spread(
-            self._costmap.costs, targets, self._row, self._column, self._clear_radius, self._queue, self._grids[place]
-        )
+        height, width = self._shape
+        grid_kernels.spread(self._open, height, width, targets, self._queue, self._flat, self._grids[place])
 
     def _weights(self, resolution_m: float, *, aligned: bool) -> NDArray[np.float64]:
         """Return float64 (7,), what the critics' figures are multiplied by."""

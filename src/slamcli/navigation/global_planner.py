@@ -10,16 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import PlanningError
+from slamcli.geometry.se2 import wrap_angle
 from slamcli.grids.distance import least_distance
 from slamcli.navigation import planner_methods
 from slamcli.navigation.costmap import NO_INFORMATION, Costmap
 from slamcli.navigation.endpoints import Endpoint, Endpoints, NoPathError
-from slamcli.navigation.grid_search import GridSearch
-from slamcli.navigation.path_shape import dense, headings, line_integral
-from slamcli.navigation.planner_methods import METHODS, Method, Search, line_through, make_search
+from slamcli.navigation.path_shape import dense, headings
+from slamcli.navigation.planner_methods import METHODS, Method, Route, RouteEnd, Router
 from slamcli.navigation.planner_parameters import PlannerParameters
-from slamcli.navigation.search_space import SearchSpace
+from slamcli.navigation.search_space import SearchSpace, UnreachableError
 
 __all__ = ["METHODS", "GlobalPlanner", "Method", "NoPathError", "PlannedPath"]
 
@@ -28,7 +27,7 @@ __all__ = ["METHODS", "GlobalPlanner", "Method", "NoPathError", "PlannedPath"]
 class _Finder:
     space: SearchSpace
     endpoints: Endpoints
-    search: Search
+    router: Router
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,6 +49,16 @@ class PlannedPath:
     goal_offset_m: float
     """Distance of the path's end from the goal that was asked for (default_tolerance)."""
     method: Method
+    directions: NDArray[np.int64] | None = None
+    """int64 (N,): 1 forward, -1 in reverse; None from planners that do not know."""
+
+    @property
+    def reverse_m(self) -> float:
+        """Length that is driven in reverse; 0 from planners that do not know directions."""
+        if self.directions is None:
+            return 0.0
+        steps = np.linalg.norm(np.diff(self.points_m, axis=0), axis=1)
+        return float(steps[self.directions[1:] < 0].sum())
 
 
 class GlobalPlanner:
@@ -62,7 +71,7 @@ class GlobalPlanner:
     parameters
         How.
     method
-        navfn, dijkstra, astar or theta_star.
+        navfn, dijkstra, astar, theta_star, hybrid_astar or global_planner.
     """
 
     def __init__(self, costmap: Costmap, parameters: PlannerParameters | None = None, method: Method = "navfn") -> None:
@@ -105,45 +114,54 @@ class GlobalPlanner:
     def prepare_for_many(self) -> None:
         """Do now what makes many queries faster; a single one is not worth it."""
         finder = self._finder(bool(self.parameters.allow_unknown))
-        if isinstance(finder.search, GridSearch):
-            finder.search.prepare(finder.space.regions)
+        finder.router.prepare_for_many(finder.space.regions)
 
     def _plan(self, start: Sequence[float], goal: Sequence[float], *, allow_unknown: bool) -> PlannedPath:
         finder = self._finder(allow_unknown)
         source, target = finder.endpoints.resolve(start, goal)
-        cells, cost = finder.search.find(source.cell, target.cell)
-        path = line_through(self.method, finder.space, cells, source.point_rc, target.point_rc)
-        if not math.isfinite(line_integral(finder.space, path)):
-            raise PlanningError(
-                f"the {self.method} path from {_show(start)} to {_show(goal)} touches an obstacle: please report this map"
-            )
-        return self._describe(path, cost, (source, target), start, goal)
+        try:
+            route = finder.router.find(self._route_end(source, start), self._route_end(target, goal))
+        except UnreachableError as failure:
+            # The cells hang together, so it is the robot's shape or turning radius that finds no way.
+            message = f"no path from {_show(start)} to {_show(goal)}: {failure}"
+            raise NoPathError(message, "unreachable", None, math.inf) from failure
+        return self._describe(route, (source, target), start, goal)
+
+    def _route_end(self, endpoint: Endpoint, pose: Sequence[float]) -> RouteEnd:
+        yaw = float(pose[2]) - self.costmap.grid.origin[2] if len(pose) > 2 else None
+        return RouteEnd(endpoint.cell, endpoint.point_rc, yaw)
 
     def _finder(self, allow_unknown: bool) -> _Finder:
         """Return what plans with or without unknown cells; built when it is first needed."""
         if allow_unknown not in self._finders:
             space = SearchSpace.build(self.costmap, self.parameters, allow_unknown=allow_unknown)
-            self._finders[allow_unknown] = _Finder(space, Endpoints(space), make_search(self.method, space))
+            self._finders[allow_unknown] = _Finder(
+                space,
+                Endpoints(space),
+                Router(self.method, space, self.costmap.footprint, self.costmap.grid.resolution_m),
+            )
         return self._finders[allow_unknown]
 
     def _describe(
         self,
-        path_rc: NDArray[np.float64],
-        cost: float,
+        route: Route,
         ends: tuple[Endpoint, Endpoint],
         start: Sequence[float],
         goal: Sequence[float],
     ) -> PlannedPath:
-        grid = self.costmap.grid
+        grid, path_rc = self.costmap.grid, route.points_rc
         points = grid.cell_to_map(path_rc)
         points[0], points[-1] = ends[0].point_m, ends[1].point_m
-        yaws = headings(
-            points,
-            self.parameters.orientation,
-            self.parameters.orientation_window_size,
-            start[2] if len(start) > 2 else None,
-            goal[2] if len(goal) > 2 else None,
-        )
+        if route.yaws_rad is None:
+            yaws = headings(
+                points,
+                self.parameters.orientation,
+                self.parameters.orientation_window_size,
+                start[2] if len(start) > 2 else None,
+                goal[2] if len(goal) > 2 else None,
+            )
+        else:
+            yaws = wrap_angle(route.yaws_rad + grid.origin[2])
         samples = dense(path_rc, 0.5)
         cells = np.clip(np.floor(samples + 0.5).astype(np.int64), 0, np.array(grid.cells.shape) - 1)
         steps = np.linalg.norm(np.diff(samples, axis=0), axis=1)
@@ -153,11 +171,12 @@ class GlobalPlanner:
             points_m=points,
             yaws_rad=yaws,
             length_m=float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()),
-            cost=cost * grid.resolution_m,
+            cost=route.cost * grid.resolution_m,
             clearance_m=clearance * grid.resolution_m,
             unknown_m=float(steps[unknown].sum()) * grid.resolution_m,
             goal_offset_m=float(math.dist(points[-1], goal[:2])),
             method=self.method,
+            directions=route.directions,
         )
 
 

@@ -93,6 +93,11 @@ class GridSearch:
         path = kernels.trace(self._parent, source, target, space.stride)
         return space.cells(path).astype(np.float64), float(cost)
 
+    def costs_to(self, cell: Cell) -> NDArray[np.float64]:
+        """Return float64, flat as the levels: the cost in cells from each cell to a free one, inf where there is no way."""
+        self._run(self._space.flat(cell), 0, guided=False)
+        return np.where(self._state >= 2 * self._generation, self._g, np.inf)
+
     def reached(self, cell: Cell) -> bool:
         """Whether the last search came to a cell."""
         return bool(self._state[self._space.flat(cell)] >= 2 * self._generation)

@@ -113,7 +113,7 @@ class LayeredCostmap:
             float64 (3,): the costmap's frame in the map's, for a rolling window with a static layer. Default: the same frame.
         """
         self.time_s = time_s
-        pose = np.asarray(pose, dtype=np.float64)
+        pose = np.ascontiguousarray(pose, dtype=np.float64)
         if self._static is not None and self._next_map is not None:
             self._take_map(self._static, self._next_map)
         if self.parameters.costmap.rolling_window:
@@ -124,7 +124,7 @@ class LayeredCostmap:
         if self._is_new or self._is_stale or (self._static is not None and self.parameters.costmap.rolling_window):
             touched = self._extent.everything()
         if touched[0] < touched[1]:
-            self._stack(touched, None if T_map_frame is None else np.asarray(T_map_frame, dtype=np.float64))
+            self._stack(touched, None if T_map_frame is None else np.ascontiguousarray(T_map_frame, dtype=np.float64))
         changed = self._extent.nothing()
         if self._is_new:
             self._inflation.recompute(self._below, changed)

@@ -12,7 +12,7 @@ from slamcli.errors import ConfigError
 from slamcli.navigation.costmap_parameters import ALIASES, LAYER_TYPES, CostmapParameters
 from slamcli.navigation.layered_parameters import CostmapName, Kind, LayeredParameters, LayerParameters
 from slamcli.navigation.obstacle_parameters import ObservationSource, ObstacleParameters, SourceParameters
-from slamcli.parameters import convert, declarations, unknown_name
+from slamcli.parameters import Declaration, convert, declarations, unknown_name
 
 Entry = tuple[str, Any, str]
 """Name (parts joined by ``/`` or ``.``), value, and where it stands."""
@@ -36,7 +36,6 @@ _NO_MEANING = {
     "filters",
     "layers",
     "map_vis_z",
-    "always_send_full_costmap",
     "transform_tolerance",
 }
 _COSTMAP = {d.name: d for d in declarations(CostmapParameters)}
@@ -83,6 +82,12 @@ def read_costmaps(entries: Iterable[Entry]) -> CostmapPair:
                 reader.take_if_known(parts, entry[1], entry[2])
     notes: list[str] = []
     built = {name: reader.build(notes) for name, reader in readers.items()}
+    without_effect = dict.fromkeys(name for reader in readers.values() for name in reader.without_effect)
+    if without_effect:
+        notes.append(f"accepted without effect: {', '.join(without_effect)} (no meaning for a simulated robot)")
+    if built["local"].costmap.global_frame == built["global"].costmap.global_frame:
+        notes.append("the local costmap stays in frame odom, which does not jump")
+        built["local"] = built["local"].replaced(global_frame="odom")
     rest = tuple(entry for parts, entry in loose if not any(reader.knows(parts) for reader in readers.values()))
     return CostmapPair(
         global_costmap=built["global"],
@@ -107,6 +112,8 @@ class _Reader:
         self._name = name
         self._entries: dict[str, tuple[Any, str]] = {}
         self._loose: set[str] = set()
+        self.without_effect: list[str] = []
+        """Names of parameters that were accepted and mean nothing here."""
 
     def take(self, parts: list[str], value: Any, source: str) -> None:
         """Take an entry of this costmap."""
@@ -198,7 +205,7 @@ class _Reader:
             if rest and head in by_name:
                 by_name[head].own[rest] = (value, source)
             elif not rest and name in _COSTMAP:
-                costmap[_COSTMAP[name].field] = _converted(_COSTMAP[name], value, source)
+                costmap[_COSTMAP[name].field] = self._converted(_COSTMAP[name], value, source)
             elif self._has_meaning_at_top(name, source, notes):
                 top[name] = (value, source)
         self._alias(top, costmap, notes)
@@ -235,7 +242,7 @@ class _Reader:
             if found is None:
                 continue
             if not self._is_modern or (nav2 and target.startswith("static_layer")):
-                costmap[_COSTMAP[target].field] = _converted(_COSTMAP[target], *found)
+                costmap[_COSTMAP[target].field] = self._converted(_COSTMAP[target], *found)
             elif name in top:
                 notes.append(
                     f"{found[1]}: {name} of the {self._name} costmap is not read where there is a list of plugins"
@@ -251,7 +258,7 @@ class _Reader:
                 if declaration is not None:
                     moved = not self._is_modern and ALIASES.get(name) == prefix + name and name in self._entries
                     if not moved:
-                        costmap[declaration.field] = _converted(declaration, value, source)
+                        costmap[declaration.field] = self._converted(declaration, value, source)
                 elif name not in _NO_MEANING and name != "plugin":
                     known = [n.removeprefix(prefix) for n in _COSTMAP if n.startswith(prefix)]
                     raise ConfigError(unknown_name(name, known, f"{source}, {layer.name}"))
@@ -276,28 +283,28 @@ class _Reader:
             if rest and head in sensed:
                 sensed[head][rest] = (value, source)
             elif name in _OBSTACLE:
-                values[_OBSTACLE[name].field] = _converted(_OBSTACLE[name], value, source)
+                values[_OBSTACLE[name].field] = self._converted(_OBSTACLE[name], value, source)
             elif name not in ("observation_sources", "plugin"):
                 known = [*_OBSTACLE, "observation_sources", *names]
                 raise ConfigError(unknown_name(name, known, f"{source}, {layer.name}"))
-        sources = tuple(_source(name, entries) for name, entries in sensed.items())
+        sources = tuple(self._source(name, entries) for name, entries in sensed.items())
         return LayerParameters(name=layer.name, kind=layer.kind, obstacle=ObstacleParameters(**values), sources=sources)
 
+    def _source(self, name: str, entries: dict[str, tuple[Any, str]]) -> ObservationSource:
+        values = {}
+        for key, (value, source) in entries.items():
+            if key not in _SOURCE:
+                raise ConfigError(unknown_name(key, _SOURCE, f"{source}, source {name!r}"))
+            values[_SOURCE[key].field] = self._converted(_SOURCE[key], value, source)
+        try:
+            return ObservationSource(name=name, **values)
+        except ConfigError as error:
+            raise ConfigError(f"source {name!r}: {error}") from error
 
-def _source(name: str, entries: dict[str, tuple[Any, str]]) -> ObservationSource:
-    values = {}
-    for key, (value, source) in entries.items():
-        if key not in _SOURCE:
-            raise ConfigError(unknown_name(key, _SOURCE, f"{source}, source {name!r}"))
-        values[_SOURCE[key].field] = _converted(_SOURCE[key], value, source)
-    try:
-        return ObservationSource(name=name, **values)
-    except ConfigError as error:
-        raise ConfigError(f"source {name!r}: {error}") from error
-
-
-def _converted(declaration: Any, value: Any, source: str) -> Any:
-    try:
-        return convert(declaration, value)
-    except ConfigError as error:
-        raise ConfigError(f"{source}: {error}") from error
+    def _converted(self, declaration: Declaration, value: Any, source: str) -> Any:
+        if not declaration.effective:
+            self.without_effect.append(declaration.name)
+        try:
+            return convert(declaration, value)
+        except ConfigError as error:
+            raise ConfigError(f"{source}: {error}") from error

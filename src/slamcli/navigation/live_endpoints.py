@@ -132,15 +132,17 @@ def _usable(grid: SearchGrid, window: CostWindow, point: Sequence[float]) -> Ite
         yield candidate
 
 
-def goal_failure(grid: SearchGrid, window: CostWindow, start: Sequence[float], goal: Sequence[float]) -> NoPathError:
-    """Return the error for a goal that no path leads to."""
+def goal_failure(
+    grid: SearchGrid, window: CostWindow, start: Sequence[float], goal: Sequence[float], why: str = ""
+) -> NoPathError:
+    """Return the error for a goal that no path leads to; `why` adds what the planner said."""
     try:
         target = locate(window, goal, "goal")
     except NoPathError as outside:
         return outside
     if grid.blocked[grid.levels[target.cell[0] + 1, target.cell[1] + 1]]:
         return _blocked("goal", window, goal, target.cell)
-    message = f"goal {show(goal)} cannot be reached from the start {show(start)}"
+    message = f"goal {show(goal)} cannot be reached from the start {show(start)}{f': {why}' if why else ''}"
     return NoPathError(message, "unreachable", None, math.inf)
 
 

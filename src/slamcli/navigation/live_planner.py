@@ -15,8 +15,8 @@ from slamcli.navigation import live_endpoints as ends
 from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.costmap import LETHAL, NO_INFORMATION
 from slamcli.navigation.endpoints import NoPathError
-from slamcli.navigation.path_shape import dense, headings, line_integral
-from slamcli.navigation.planner_methods import METHODS, Method, Search, line_through, make_search
+from slamcli.navigation.path_shape import dense, headings
+from slamcli.navigation.planner_methods import METHODS, Method, Route, RouteEnd, Router
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import SearchGrid, UnreachableError
 
@@ -41,6 +41,8 @@ class LivePath:
     through_unknown: bool
     """Whether unknown cells were allowed (with allow_unknown auto: no way through known cells exists)."""
     method: Method
+    directions: NDArray[np.int64] | None = None
+    """int64 (N,): 1 forward, -1 in reverse; None from planners that do not know."""
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -59,7 +61,7 @@ class LivePlanner:
     parameters
         How to plan.
     method
-        navfn, dijkstra, astar or theta_star.
+        navfn, dijkstra, astar, theta_star, hybrid_astar or global_planner.
     """
 
     def __init__(self, parameters: PlannerParameters | None = None, method: Method = "navfn") -> None:
@@ -68,7 +70,7 @@ class LivePlanner:
         self.parameters = parameters or PlannerParameters()
         self.method = method
         self._levels = np.empty((0, 0), dtype=np.uint8)
-        self._searches: dict[bool, tuple[SearchGrid, Search]] = {}
+        self._routers: dict[bool, Router] = {}
 
     def plan(self, window: CostWindow, start: Sequence[float], goal: Sequence[float]) -> LivePath:
         """Return the path from `start` to `goal`, each x, y, yaw in the window's frame.
@@ -128,14 +130,14 @@ class LivePlanner:
         height, width = window.costs.shape
         if self._levels.shape != (height + 2, width + 2):
             self._levels = np.full((height + 2, width + 2), LETHAL, dtype=np.uint8)
-            self._searches = {}
+            self._routers = {}
         self._levels[1:-1, 1:-1] = window.costs
 
-    def _search(self, allow_unknown: bool) -> tuple[SearchGrid, Search]:
-        if allow_unknown not in self._searches:
+    def _router(self, window: CostWindow, allow_unknown: bool) -> Router:
+        if allow_unknown not in self._routers:
             grid = SearchGrid.over(self._levels, self.parameters, allow_unknown=allow_unknown)
-            self._searches[allow_unknown] = grid, make_search(self.method, grid)
-        return self._searches[allow_unknown]
+            self._routers[allow_unknown] = Router(self.method, grid, window.footprint, window.resolution_m)
+        return self._routers[allow_unknown]
 
     def _plan(
         self, window: CostWindow, start: Sequence[float], goal: Sequence[float], candidates: _Candidates
@@ -163,61 +165,64 @@ class LivePlanner:
         *,
         allow_unknown: bool,
     ) -> LivePath:
-        grid, search = self._search(allow_unknown)
+        router = self._router(window, allow_unknown)
+        grid = router.grid
         source = ends.locate(window, start, "start")
         way_out = ends.free_start(grid, window, source.cell)
         if way_out is None:
             raise ends.start_blocked(window, start, source.cell)
         try:
-            flooded = False
+            flooded, why = False, ""
             for target in candidates(grid):
                 # A search that failed has been everywhere: the others need not be tried.
-                if flooded and not search.reached(target.cell):
+                if flooded and not router.reached(target.cell):
                     continue
                 try:
-                    found = search.find(source.cell, target.cell)
-                except UnreachableError:
-                    flooded = True
+                    route = router.find(_route_end(source, start), _route_end(target, goal))
+                except UnreachableError as failure:
+                    flooded, why = True, str(failure)
                     continue
-                return self._describe(grid, window, found, (source, target), start, goal, allow_unknown)
-            raise ends.goal_failure(grid, window, start, goal)
+                return self._describe(route, window, (source, target), start, goal, allow_unknown)
+            raise ends.goal_failure(grid, window, start, goal, why if self.method == "hybrid_astar" else "")
         finally:
             for cell, value in way_out:
                 self._levels[cell[0] + 1, cell[1] + 1] = value
 
     def _describe(
         self,
-        grid: SearchGrid,
+        route: Route,
         window: CostWindow,
-        found: tuple[NDArray[np.float64], float],
         endpoints: tuple[ends.LiveEndpoint, ends.LiveEndpoint],
         start: Sequence[float],
         goal: Sequence[float],
         through_unknown: bool,
     ) -> LivePath:
-        cells, cost = found
-        source, target = endpoints
-        path = line_through(self.method, grid, cells, source.point_rc, target.point_rc)
-        if not math.isfinite(line_integral(grid, path)):
-            raise PlanningError(f"the {self.method} path to {ends.show(goal)} touches an obstacle: please report this")
-        points = (dense(path, _SPACING_CELLS)[:, ::-1] + 0.5) * window.resolution_m + np.array(window.origin_m)
-        points[0], points[-1] = source.point_m, target.point_m
-        yaws = headings(
-            points,
-            self.parameters.orientation,
-            self.parameters.orientation_window_size,
-            float(start[2]) if len(start) > 2 else None,
-            float(goal[2]) if len(goal) > 2 else None,
-        )
+        path = route.points_rc if route.yaws_rad is not None else dense(route.points_rc, _SPACING_CELLS)
+        points = (path[:, ::-1] + 0.5) * window.resolution_m + np.array(window.origin_m)
+        points[0], points[-1] = endpoints[0].point_m, endpoints[1].point_m
+        yaws = route.yaws_rad
+        if yaws is None:
+            yaws = headings(
+                points,
+                self.parameters.orientation,
+                self.parameters.orientation_window_size,
+                float(start[2]) if len(start) > 2 else None,
+                float(goal[2]) if len(goal) > 2 else None,
+            )
         return LivePath(
             points_m=points,
             yaws_rad=yaws,
             length_m=_length(points),
-            cost=cost * window.resolution_m,
+            cost=route.cost * window.resolution_m,
             goal_offset_m=math.dist(points[-1], goal[:2]),
             through_unknown=through_unknown,
             method=self.method,
+            directions=route.directions,
         )
+
+
+def _route_end(endpoint: ends.LiveEndpoint, pose: Sequence[float]) -> RouteEnd:
+    return RouteEnd(endpoint.cell, endpoint.point_rc, float(pose[2]) if len(pose) > 2 else None)
 
 
 def _prolonged(path: LivePath, goal: Sequence[float]) -> LivePath:
@@ -225,7 +230,12 @@ def _prolonged(path: LivePath, goal: Sequence[float]) -> LivePath:
     points = np.vstack([path.points_m, [goal[:2]]])
     yaw = goal[2] if len(goal) > 2 else path.yaws_rad[-1]
     return replace(
-        path, points_m=points, yaws_rad=np.append(path.yaws_rad, yaw), length_m=_length(points), goal_offset_m=0.0
+        path,
+        points_m=points,
+        yaws_rad=np.append(path.yaws_rad, yaw),
+        length_m=_length(points),
+        goal_offset_m=0.0,
+        directions=None if path.directions is None else np.append(path.directions, 1),
     )
 
 

@@ -11,6 +11,8 @@ from slamcli.errors import ConfigError
 from slamcli.navigation.dwa import DwaPlanner
 from slamcli.navigation.dwa_parameters import ALIASES, DwaParameters
 from slamcli.navigation.local_planner import LocalPlanner
+from slamcli.navigation.pursuit import RegulatedPurePursuit
+from slamcli.navigation.pursuit_parameters import PursuitParameters
 from slamcli.navigation.teb import TebParameters, TebPlanner
 
 LocalPlannerKind = Literal["dwa", "teb", "pursuit"]
@@ -29,11 +31,31 @@ class LocalPlannerEntry:
     """What base_local_planner calls it."""
     aliases: Mapping[str, str] = field(default_factory=dict)
     """Older names of parameters."""
+    lent: Mapping[str, str] = field(default_factory=dict)
+    """Parameters that take the value of one of DWAPlannerROS where its own section has none: the robot is the same."""
+
+    def borrow(self, from_dwa: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the robot's limits and the goal's tolerances as this planner calls them, from what DWA was given."""
+        borrowed = {own: from_dwa[name] for own, name in self.lent.items() if name in from_dwa}
+        if "max_vel_x_backwards" in borrowed:  # DWA has it as a negative bound
+            borrowed["max_vel_x_backwards"] = -borrowed["max_vel_x_backwards"]
+        return {own: value for own, value in borrowed.items() if value > 0.0}
 
     def today(self, name: str) -> str:
         """Return today's name of a parameter."""
         return self.aliases.get(name, name)
 
+
+_LENT_TO_TEB = {
+    "max_vel_x_backwards": "min_vel_x",
+    **{
+        name: name
+        for name in (
+            *("max_vel_x", "max_vel_y", "max_vel_trans", "max_vel_theta", "acc_lim_x", "acc_lim_y", "acc_lim_theta"),
+            *("xy_goal_tolerance", "yaw_goal_tolerance", "trans_stopped_vel", "theta_stopped_vel"),
+        )
+    },
+}
 
 LOCAL_PLANNERS: Mapping[LocalPlannerKind, LocalPlannerEntry] = {
     "dwa": LocalPlannerEntry(
@@ -50,6 +72,13 @@ LOCAL_PLANNERS: Mapping[LocalPlannerKind, LocalPlannerEntry] = {
         parameters=TebParameters,
         build=lambda parameters, period_s, _: TebPlanner(parameters, control_period_s=period_s),
         plugins=("teb_local_planner/TebLocalPlannerROS",),
+        lent=_LENT_TO_TEB,
+    ),
+    "pursuit": LocalPlannerEntry(
+        section="FollowPath",
+        parameters=PursuitParameters,
+        build=lambda parameters, period_s, _: RegulatedPurePursuit(parameters, control_period_s=period_s),
+        plugins=("nav2_regulated_pure_pursuit_controller::RegulatedPurePursuitController",),
     ),
 }
 

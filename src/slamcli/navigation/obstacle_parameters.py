@@ -15,8 +15,10 @@ _NO_TF = "Accepted; poses are known without waiting."
 class SourceParameters:
     """What files say of one sensor of an obstacle layer."""
 
-    topic: str = parameter("", "Topic of the sensor; empty: the name of the source.")
-    sensor_frame: str = parameter("", "Where beams begin; empty: the frame of the message.")
+    topic: str = parameter(
+        "", "Accepted; a simulated robot has one scanner, which every source hears.", effective=False
+    )
+    sensor_frame: str = parameter("", "Accepted; beams begin where the scanner is.", effective=False)
     observation_persistence: float = parameter(
         0.0, "How long a reading is applied anew; 0: until the next one.", unit="s", minimum=0.0, maximum=1e6
     )

@@ -11,6 +11,8 @@ from slamcli.navigation.search_space import SearchGrid, sample_space
 
 _SHARP_TURN_RAD = 0.35
 _COINCIDENT_CELLS = 1e-6
+_SMOOTHING_ROUNDS = 200
+_SETTLED_CELLS = 1e-3
 
 
 def line_integral(space: SearchGrid, path_rc: NDArray[np.float64]) -> float:
@@ -35,6 +37,26 @@ def simplify(space: SearchGrid, path_rc: NDArray[np.float64]) -> NDArray[np.floa
             keep,
         )
     return path_rc[keep]
+
+
+def smooth(space: SearchGrid, path_rc: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the path with points at most a cell apart, each moved to the middle of its neighbours where that costs no more.
+
+    A point stays where a line beside it would touch a blocked cell or cost more than before, so the path gets shorter or
+    cheaper and keeps its clearance where costs ask for it; the ends stay.
+    """
+    points = np.ascontiguousarray(dense(path_rc, 1.0) + 1.0)
+    if len(points) > 2:
+        kernels.relax(
+            space.levels.reshape(-1),
+            space.blocked,
+            space.weight,
+            space.stride,
+            points,
+            _SMOOTHING_ROUNDS,
+            _SETTLED_CELLS,
+        )
+    return points - 1.0
 
 
 def anchored(
@@ -127,4 +149,4 @@ def _wrap(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 def warm() -> None:
     """Compile the kernels of this module."""
     space = sample_space()
-    line_integral(space, simplify(space, np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]])))
+    line_integral(space, smooth(space, simplify(space, np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]]))))

@@ -61,8 +61,8 @@ class PursuitParameters:
     )
     cost_scaling_gain: float = parameter(1.0, "Factor on that; less than 1 is slower.", minimum=0.001, maximum=1.0)
     inflation_cost_scaling_factor: float = parameter(
-        3.0,
-        "cost_scaling_factor of the local costmap, from which distances are computed.",
+        10.0,
+        "cost_scaling_factor of the local costmap, from which distances are computed: costmap_2d's default, where nav2 has 3.",
         unit="1/m",
         minimum=0.001,
         maximum=1e6,
@@ -104,6 +104,11 @@ class PursuitParameters:
         " false, as nav2: refuse.",
         extension=True,
     )
+
+    @property
+    def max_vel_x(self) -> float:
+        """Top speed, m/s, under the name that other local planners have for it."""
+        return self.desired_linear_vel
 
     def __post_init__(self) -> None:
         for name, value in as_dict(self).items():

@@ -110,7 +110,7 @@ class Animation(LoopListener):
 
     def on_status(self, time_s: float, state: str, message: str) -> None:  # noqa: ARG002
         """Keep what is being done, and why where it is not driving."""
-        self._state = state if not message or message == state else f"{state}: {message}"
+        self._state = state if not message or state == "controlling" else f"{state}: {message}"
 
     def on_truth(self, time_s: float, pose_map: Array, twist: Array) -> None:
         """Take a moment, if it is time for one."""
@@ -124,6 +124,11 @@ class Animation(LoopListener):
         if len(self._moments) > _MOST_FRAMES:
             self._every += self._every
             self._moments = self._moments[::2]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no time has passed, so that there is nothing to show."""
+        return not self._moments
 
     def write(self, target: Path) -> int:
         """Write the film as the suffix of `target` says, and return the number of its frames.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from slamcli.errors import ConfigError
-from slamcli.native import LaunchNode, Setting, is_preset, read_cartographer_lua, read_launch, read_ros_yaml
+from slamcli.native import Launch, LaunchNode, Setting, is_preset, read_cartographer_lua, read_launch, read_ros_yaml
 from slamcli.native.cartographer_launch import find_configuration
 from slamcli.native.opencv_yaml import read_opencv_yaml
 from slamcli.native.orbslam_launch import find_settings
@@ -88,8 +88,7 @@ def _read_launch(
     launch = read_launch(path, arguments)
     for note in launch.notes:
         log.note(note)
-    own = _NODES.get(algo, (algo,))
-    nodes = [node for node in launch.nodes if node.type in own or node.package in own]
+    nodes = _nodes_of(algo, launch)
     if not nodes:
         there = ", ".join(f"{node.package}/{node.type}" for node in launch.nodes) or "none"
         raise ConfigError(f"{path}: starts no node of {algo} (nodes: {there})")
@@ -102,6 +101,16 @@ def _read_launch(
     elif algo == ORBSLAM3:
         settings = _launched_settings(node, log)
     return NativeFile(settings=settings, remaps={name.strip("/"): topic for name, topic in node.remaps.items()})
+
+
+def starts_node(algo: str, launch: Launch) -> bool:
+    """Whether a launch file starts a node that a tier stands for."""
+    return bool(_nodes_of(algo, launch))
+
+
+def _nodes_of(algo: str, launch: Launch) -> list[LaunchNode]:
+    own = _NODES.get(algo, (algo,))
+    return [node for node in launch.nodes if node.type in own or node.package in own]
 
 
 def _launched_lua(node: LaunchNode, log: RunLog, known: Mapping[str, Declaration]) -> tuple[Setting, ...]:

@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,23 +15,29 @@ from numpy.typing import NDArray
 
 from slamcli.errors import UsageError
 from slamcli.formats.maps import read_map
+from slamcli.geometry import se3
+from slamcli.grids import OccupancyGrid
 from slamcli.localization.amcl import Amcl
-from slamcli.navigation.cost_window import CostWindow
+from slamcli.navigation.collision_monitor import CollisionMonitor
 from slamcli.navigation.costmap import INSCRIBED, LETHAL
+from slamcli.navigation.costmap_parameters import COSTMAP_2D_ROBOT_RADIUS_M
 from slamcli.navigation.endpoints import NoPathError
 from slamcli.navigation.layered_costmap import LayeredCostmap
-from slamcli.navigation.live_planner import LivePath, LivePlanner
+from slamcli.navigation.live_planner import LivePlanner
 from slamcli.navigation.local_planners import build_local_planner
 from slamcli.navigation.move_base import MoveBase, Phase
 from slamcli.navigation.planner_methods import Method
 from slamcli.navigation.recovery import build_recoveries
-from slamcli.navigation.shortest_path import shortest_length
 from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Drive, Rates
 from slamcli.pipelines.generate import open_world
-from slamcli.pipelines.localisers import AmclLocaliser, Localiser, TrueLocaliser
+from slamcli.pipelines.known_map import KnownMap
+from slamcli.pipelines.live_slam import build_live_slam
+from slamcli.pipelines.localisers import AmclLocaliser, Localiser, SlamLocaliser, TrueLocaliser
 from slamcli.pipelines.loop_listener import LoopListener
 from slamcli.pipelines.navigation_config import NavigationConfig, load_navigation
-from slamcli.simulation import resolve_settings
+from slamcli.runtime import RunLog
+from slamcli.simulation import SimulationParameters, World, resolve_settings
+from slamcli.simulation.laser import TOPIC as SCAN_TOPIC
 from slamcli.simulation.plant import Plant
 
 Array = NDArray[np.float64]
@@ -48,6 +53,11 @@ ROBOT_SETTINGS: Mapping[str, Any] = {
 
 _SHOWN_HZ = 2.0, 0.5
 """How often listeners are told of the local and the global costmap where publish_frequency is 0: what is published is theirs to say."""
+_FIRST_MAP_M = 10.0
+"""Side of the unknown square that a robot without a map begins with."""
+_MAP_PERIOD_S = 1.0
+
+Localization = Literal["amcl", "truth"]
 Status = Literal["succeeded", "aborted", "timeout", "unreachable"]
 _STATUS: Mapping[Phase, Status] = {Phase.SUCCEEDED: "succeeded", Phase.ABORTED: "aborted"}
 
@@ -70,8 +80,20 @@ class Arrival:
         return self.status == "succeeded"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlamChoice:
+    """Which tier maps while the robot drives, and how."""
+
+    algo: str
+    """gmapping or cartographer."""
+    files: tuple[Path, ...] = ()
+    sets: tuple[str, ...] = ()
+    map_period_s: float = field(default=_MAP_PERIOD_S)
+    """How often the map is drawn anew."""
+
+
 class Navigator:
-    """A simulated robot that drives to goals: map server, AMCL, costmaps, planners, move_base.
+    """A simulated robot that drives to goals: map server and AMCL (or SLAM), costmaps, planners, move_base.
 
     Examples
     --------
@@ -83,87 +105,88 @@ class Navigator:
     Parameters
     ----------
     map_path
-        map.yaml that the robot knows.
+        map.yaml that the robot knows; None with `slam`.
     start
-        x, y, yaw in the map.
+        x, y, yaw in the map; without a map: in the world, whose coordinates the map then has.
     config
         What `load_navigation` gives; None: slamcli's own move_base.launch.
     world
         World to drive in (world file, map.yaml or built-in name) if it is not what the map shows.
     localization
         amcl or truth.
+    slam
+        Map while driving, instead of a map.
+    global_planner
+        Of `slamcli plan`.
+    dwa_scaling
+        How DWA's weights are meant: noetic, or kinetic and older.
     people
         How many walk about.
     seed
         Of every draw; the same seed gives the same run.
     listeners
         Are told everything that happens.
+    log
+        Gets remarks.
 
     Raises
     ------
     UsageError
-        If the start is outside the map or where the robot does not fit.
+        If there is neither map nor `slam`, or the start is outside the map or where the robot does not fit.
     """
 
     def __init__(
         self,
-        map_path: str | os.PathLike[str],
+        map_path: str | os.PathLike[str] | None = None,
         *,
         start: Sequence[float],
         config: NavigationConfig | None = None,
         world: str | None = None,
-        localization: Literal["amcl", "truth"] = "amcl",
+        localization: Localization = "amcl",
+        slam: SlamChoice | None = None,
         global_planner: Method = "navfn",
         dwa_scaling: Literal["noetic", "kinetic"] = "noetic",
         people: int = 0,
         seed: int = 0,
         listeners: Sequence[LoopListener] = (),
+        log: RunLog | None = None,
     ) -> None:
         self.config = config = config or load_navigation()
-        self.grid = read_map(Path(map_path)).grid
-        place = open_world(os.fspath(map_path) if world is None else world)
         pose = np.array([*start, 0.0][:3], dtype=np.float64)
-        costmaps = CostmapPair(
-            world=LayeredCostmap(config.global_costmap, name="global", static=self.grid),
-            local=LayeredCostmap(config.local_costmap, name="local", static=self.grid),
+        if not np.isfinite(pose).all():
+            raise UsageError(f"start {pose.tolist()}: not finite")
+        place, grid = _opened(map_path, world, slam, pose)
+        self.costmaps = CostmapPair(
+            world=LayeredCostmap(config.global_costmap, name="global", static=grid),
+            local=LayeredCostmap(config.local_costmap, name="local", static=grid),
         )
-        costmaps.world.update(pose)
-        window = costmaps.world.window()
-        radius = max(window.inscribed_radius_m - max(config.global_costmap.costmap.footprint_padding, 0.0), 0.02)
-        settings = resolve_settings(
-            ROBOT_SETTINGS, {"robot.radius": radius, "people.count": people}, place.settings, config.simulation
-        )
-        self._known = _KnownMap(config, window)
+        self.costmaps.world.update(pose)
+        self._known = None if slam else KnownMap(config.planner, self.costmaps.world.window())
         self._check_start(pose)
-        self.plant = Plant(place, settings, start=pose, seed=seed)
-        localiser: Localiser = TrueLocaliser(pose)
-        if localization == "amcl":
-            amcl = Amcl(config.amcl, self.grid, seed=seed)
-            amcl.set_pose(pose, None)
-            localiser = AmclLocaliser(amcl)
-        period_s = 1.0 / config.move_base.controller_frequency
-        planner = build_local_planner(config.local_planner, config.local_parameters, period_s, dwa_scaling)
-        recoveries = build_recoveries(config.move_base, config.recovery, costmaps, window.circumscribed_radius_m)
-        self.move_base = MoveBase(
-            config.move_base, costmaps, _MapPlanner(config, costmaps.world, global_planner), planner, recoveries
-        )
-        rates = Rates(
-            odometry=settings.odometry_rate,
-            scan=settings.laser_rate,
-            control=config.move_base.controller_frequency,
-            local_costmap=config.local_costmap.costmap.update_frequency,
-            global_costmap=config.global_costmap.costmap.update_frequency,
-            publish_local=config.local_costmap.costmap.publish_frequency or _SHOWN_HZ[0],
-            publish_global=config.global_costmap.costmap.publish_frequency or _SHOWN_HZ[1],
-        )
-        self.loop = ClosedLoop(self.plant, localiser, costmaps, self.move_base, rates, listeners)
+        settings = self._settings(place, people)
+        self.plant = Plant(place, settings, start=pose, seed=seed, odometry_start=pose if slam else None)
+        self.localiser = self._localised(localization, slam, grid, pose, seed, log)
+        self.loop = ClosedLoop(
+            self.plant, self.localiser, self.costmaps, self._move_base(global_planner, dwa_scaling),
+            self._rates(settings), CollisionMonitor(config.monitor, self.costmaps.world.window().circumscribed_radius_m),
+            listeners,
+        )  # fmt: skip
+        if slam is None:
+            self.loop.know_walls(grid)
+        self.grid = grid
+        """The map: the one that was given, or the newest of SLAM's."""
+        self._maps_itself = slam is not None
         for listener in listeners:
-            listener.on_map(0.0, self.grid)
+            self._show_map(listener)
 
     def listen(self, listener: LoopListener) -> None:
         """Tell a listener everything from now on, the map first."""
         self.loop.listeners.append(listener)
-        listener.on_map(self.time_s, self.grid)
+        self._show_map(listener)
+
+    def _show_map(self, listener: LoopListener) -> None:
+        if not self._maps_itself:
+            listener.on_map(self.time_s, self.grid)
 
     @property
     def pose(self) -> Array:
@@ -188,35 +211,39 @@ class Navigator:
         x, y
             Metres.
         yaw
-            Radians; None: the heading with which the planned path ends.
+            Radians; None: the heading with which the planned path ends (without a map: the direction of the goal).
         timeout_s
             Simulated seconds; None: what the way takes at a quarter of the robot's top speed, and a minute and a half.
 
         Raises
         ------
         UsageError
-            If the goal is not finite.
+            If the goal or the timeout is not finite, or the timeout not above 0.
         """
         if not all(math.isfinite(v) for v in (x, y, 0.0 if yaw is None else yaw)):
             raise UsageError(f"goal {x:g},{y:g}: not finite")
-        if timeout_s is not None and not timeout_s > 0.0:
+        if timeout_s is not None and not 0.0 < timeout_s < math.inf:
             raise UsageError(f"a timeout of {timeout_s:g} s: give seconds above 0")
-        try:
-            known = self._known.plan(self.pose.tolist(), (x, y) if yaw is None else (x, y, yaw))
-        except NoPathError as error:
-            goal = (x, y, math.nan if yaw is None else yaw)
-            return Arrival(goal=goal, status="unreachable", message=str(error), optimum_m=math.nan, drive=None)
-        heading = float(known.yaws_rad[-1]) if yaw is None else yaw
-        optimum = self._known.shortest_m(self.true_pose.tolist(), (x, y))
+        optimum, away = math.nan, float(np.hypot(x - self.pose[0], y - self.pose[1]))
+        heading = math.atan2(y - self.pose[1], x - self.pose[0])
+        if self._known is not None:
+            try:
+                known = self._known.plan(self.pose.tolist(), (x, y) if yaw is None else (x, y, yaw))
+            except NoPathError as error:
+                goal = (x, y, math.nan if yaw is None else yaw)
+                return Arrival(goal=goal, status="unreachable", message=str(error), optimum_m=math.nan, drive=None)
+            heading, away = float(known.yaws_rad[-1]), known.length_m
+            optimum = self._known.shortest_m(self.true_pose.tolist(), (x, y))
+        if yaw is not None:
+            heading = yaw
         if timeout_s is None:
-            timeout_s = 90.0 + 4.0 * known.length_m / max(self.config.local_parameters.max_vel_x, 0.05)
+            way = away if self._known is not None else 3.0 * away
+            timeout_s = 90.0 + 4.0 * way / max(self.config.local_parameters.max_vel_x, 0.05)
         drive = self.loop.drive_to(np.array([x, y, heading]), timeout_s)
         status = _STATUS.get(drive.phase, "timeout")
-        message = (
-            drive.message
-            if status != "timeout"
-            else f"not there after {timeout_s:g} s: {drive.message or 'on the way'}"
-        )
+        message = drive.message
+        if status == "timeout":
+            message = f"not there after {timeout_s:.0f} s" + (f": {message}" if message else "")
         return Arrival(goal=(x, y, heading), status=status, message=message, optimum_m=optimum, drive=drive)
 
     def wait(self, seconds: float) -> None:
@@ -224,42 +251,91 @@ class Navigator:
         self.loop.wait(seconds)
 
     def _check_start(self, start: Array) -> None:
-        if not np.isfinite(start).all():
-            raise UsageError(f"start {start.tolist()}: not finite")
-        cell = self.grid.map_to_cell(start[None, :2])[0]
-        if not self.grid.contains(cell[None])[0]:
-            raise UsageError(f"start {start[0]:g},{start[1]:g} is outside the map")
-        if self._known.window.costs[cell[0], cell[1]] in (INSCRIBED, LETHAL):
-            raise UsageError(f"start {start[0]:g},{start[1]:g}: the robot does not fit there, a wall is too near")
+        if self._known is None:
+            return
+        cost = self._known.cost(float(start[0]), float(start[1]))
+        where = f"start {start[0]:g},{start[1]:g}"
+        if cost is None:
+            raise UsageError(f"{where} is outside the map")
+        if cost in (INSCRIBED, LETHAL):
+            raise UsageError(f"{where}: the robot does not fit there, a wall is too near")
+
+    def _settings(self, place: World, people: int) -> SimulationParameters:
+        """Return the robot's body and sensors; the body is the one that the costmaps are told of."""
+        costmap = self.config.global_costmap.costmap
+        radius = COSTMAP_2D_ROBOT_RADIUS_M if costmap.robot_radius is None else costmap.robot_radius
+        body: dict[str, Any] = {"robot.radius": max(radius, 0.02), "robot.footprint": costmap.footprint}
+        return resolve_settings(ROBOT_SETTINGS, body, {"people.count": people}, place.settings, self.config.simulation)
+
+    def _localised(
+        self,
+        kind: Localization,
+        slam: SlamChoice | None,
+        grid: OccupancyGrid,
+        start: Array,
+        seed: int,
+        log: RunLog | None,
+    ) -> Localiser:
+        if slam is not None:
+            mapper = build_live_slam(
+                slam.algo, slam.files, slam.sets, scan_topic=SCAN_TOPIC, T_base_laser=se3.from_se2(self.plant.T_base_laser), seed=seed,
+                log=log,
+            )  # fmt: skip
+            return SlamLocaliser(mapper, start, slam.map_period_s)
+        if kind == "truth":
+            return TrueLocaliser(start)
+        amcl = Amcl(self.config.amcl, grid, seed=seed)
+        amcl.set_pose(start, None)
+        return AmclLocaliser(amcl)
+
+    def _move_base(self, global_planner: Method, dwa_scaling: str) -> MoveBase:
+        config, world = self.config, self.costmaps.world
+        local = build_local_planner(
+            config.local_planner, config.local_parameters, 1.0 / config.move_base.controller_frequency, dwa_scaling
+        )
+        radius = world.window().circumscribed_radius_m
+        recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius)
+        planner = _CostmapPlanner(LivePlanner(config.planner, global_planner), world)
+        return MoveBase(config.move_base, self.costmaps, planner, local, recoveries)
+
+    def _rates(self, settings: SimulationParameters) -> Rates:
+        world, local = self.config.global_costmap.costmap, self.config.local_costmap.costmap
+        return Rates(
+            odometry=settings.odometry_rate,
+            scan=settings.laser_rate,
+            control=self.config.move_base.controller_frequency,
+            local_costmap=local.update_frequency,
+            global_costmap=world.update_frequency,
+            publish_local=local.publish_frequency or _SHOWN_HZ[0],
+            publish_global=world.publish_frequency or _SHOWN_HZ[1],
+        )
 
 
-class _KnownMap:
-    """What the map alone says, before any sensor has: whether there is a way, and how short one can be."""
+class _CostmapPlanner:
+    """The global planner on the global costmap as it is."""
 
-    def __init__(self, config: NavigationConfig, window: CostWindow) -> None:
-        self.window = dataclasses.replace(window, costs=window.costs.copy())
-        self._planner = LivePlanner(config.planner)
-        self._through_unknown = config.planner.allow_unknown is not False
-
-    def plan(self, start: Sequence[float], goal: Sequence[float]) -> LivePath:
-        """Return NavFn's path; raises NoPathError."""
-        return self._planner.plan(self.window, start, goal)
-
-    def shortest_m(self, start: Sequence[float], goal: Sequence[float]) -> float:
-        """Return the length of the shortest way for the inflated robot, through unknown cells only if there is no other."""
-        length = shortest_length(self.window, start, goal)
-        if math.isinf(length) and self._through_unknown:
-            length = shortest_length(self.window, start, goal, allow_unknown=True)
-        return length
-
-
-class _MapPlanner:
-    """The global planner on the global costmap."""
-
-    def __init__(self, config: NavigationConfig, costmap: LayeredCostmap, method: Method) -> None:
-        self._planner = LivePlanner(config.planner, method)
-        self._costmap = costmap
+    def __init__(self, planner: LivePlanner, costmap: LayeredCostmap) -> None:
+        self._planner, self._costmap = planner, costmap
 
     def make_plan(self, start: Array, goal: Array) -> Array:
         """Return a plan (N, 3) in map."""
         return self._planner.plan(self._costmap.window(), start.tolist(), goal.tolist()).poses
+
+
+def _opened(
+    map_path: str | os.PathLike[str] | None, world: str | None, slam: SlamChoice | None, start: Array
+) -> tuple[World, OccupancyGrid]:
+    """Return the world to drive in and the map that the robot begins with."""
+    if slam is not None:
+        if map_path is not None or world is None:
+            raise UsageError("SLAM while driving needs a world to drive in, and no map")
+        place = open_world(world)
+        resolution = 0.05
+        side = round(_FIRST_MAP_M / resolution)
+        low = start[:2] - _FIRST_MAP_M / 2.0
+        cells = np.full((side, side), OccupancyGrid.UNKNOWN, dtype=np.int8)
+        return place, OccupancyGrid(cells, resolution, (float(low[0]), float(low[1]), 0.0))
+    if map_path is None:
+        raise UsageError("a map is needed: --map map.yaml, or --slam gmapping|cartographer in a world")
+    grid = read_map(Path(map_path)).grid
+    return open_world(os.fspath(map_path) if world is None else world), grid

@@ -12,6 +12,8 @@ from slamcli.errors import ConfigError
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.native import Setting, read_launch, read_ros_yaml
 from slamcli.native.settings import find_native
+from slamcli.navigation.collision_monitor import CollisionMonitorParameters
+from slamcli.navigation.layered_files import read_costmaps
 from slamcli.navigation.layered_parameters import LayeredParameters
 from slamcli.navigation.local_planners import LOCAL_PLANNERS, LocalPlannerKind, find_local_planner
 from slamcli.navigation.move_base_parameters import MoveBaseParameters, RecoveryParameters
@@ -56,6 +58,7 @@ class NavigationConfig:
     planner: PlannerParameters
     move_base: MoveBaseParameters
     recovery: RecoveryParameters
+    monitor: CollisionMonitorParameters
     local_planner: LocalPlannerKind
     local_parameters: Any
     """Parameters of the local planner that was chosen."""
@@ -102,6 +105,10 @@ def load_navigation(
     for path in paths:
         for setting in _read(path, log, arguments or {}):
             collected.take(setting)
+    if not collected.has_costmaps:  # as with no file at all: slamcli's own
+        for setting in _read(find_native(Path(DEFAULT_FILE)), log, {}):
+            if setting.name.partition("/")[0] in _COSTMAPS:
+                collected.take(setting)
     for text in sets:
         collected.take(parse_set(text), anywhere=True)
     return collected.build(local_planner, tuple(paths))
@@ -141,6 +148,7 @@ class _Collected:
             "move_base": _table(MoveBaseParameters),
             "planner": _table(PlannerParameters),
             "recovery": _table(RecoveryParameters),
+            "monitor": _table(CollisionMonitorParameters),
             "simulation": _table(SimulationParameters),
             **{kind: _table(planner.parameters) for kind, planner in LOCAL_PLANNERS.items()},
         }
@@ -166,6 +174,8 @@ class _Collected:
             self._put("planner", rest, setting)
         elif head in _RECOVERIES and rest:
             self._put("recovery", f"{_RECOVERIES[head]}.{_recovery_name(rest)}", setting)
+        elif head == "collision_monitor" and rest:
+            self._put("monitor", name, setting)
         elif head == "TrajectoryPlannerROS" and rest:
             self._take_trajectory(rest, setting)
         elif name in self._known["move_base"]:
@@ -175,31 +185,50 @@ class _Collected:
         elif anywhere and (section := self._only(name, setting)) is not None:
             self._put(section, name, setting)
         else:
-            for costmap in _COSTMAPS:  # what move_base's files have outside of any section is for both
-                self._costmaps.append((f"{costmap}.{name}", setting.value, setting.source))
+            self._costmaps.append((name, setting.value, setting.source))  # of both, or unknown
             self._sources[name] = setting.source
+
+    @property
+    def has_costmaps(self) -> bool:
+        """Whether anything was said of a costmap."""
+        return bool(self._costmaps)
 
     def build(self, local_planner: str | None, files: tuple[Path, ...]) -> NavigationConfig:
         """Return the parameters, checked."""
-        values: dict[str, Any] = {"robot_radius": 0.18, "inflation_radius": 0.5, "cost_scaling_factor": 10.0}
-        global_costmap, local_costmap = (LayeredParameters.standard(n, **values) for n in ("global", "local"))
+        costmaps = read_costmaps(self._costmaps)
+        for name, _, source in costmaps.rest:
+            raise ConfigError(unknown_name(name, self._names(), source))
+        for note in costmaps.notes:
+            self._log.note(note)
         move_base = resolve(MoveBaseParameters, self._values.get("move_base", {}))
         kind = find_local_planner(local_planner or move_base.base_local_planner)
         for why, names in self._ignored.items():
             self._log.note(f"accepted without effect: {', '.join(names)} ({why})")
+        local_values = self._borrowed(kind) | self._values.get(kind, {})
         return NavigationConfig(
             amcl=resolve(AmclParameters, self._values.get("amcl", {})),
-            global_costmap=global_costmap,
-            local_costmap=local_costmap,
+            global_costmap=costmaps.global_costmap,
+            local_costmap=costmaps.local_costmap,
             planner=resolve(PlannerParameters, self._values.get("planner", {})),
             move_base=move_base,
             recovery=resolve(RecoveryParameters, self._values.get("recovery", {})),
+            monitor=resolve(CollisionMonitorParameters, self._values.get("monitor", {})),
             local_planner=kind,
-            local_parameters=resolve(LOCAL_PLANNERS[kind].parameters, self._values.get(kind, {})),
+            local_parameters=resolve(LOCAL_PLANNERS[kind].parameters, local_values),
             simulation=self._values.get("simulation", {}),
             sources=self._sources,
             files=files,
         )
+
+    def _borrowed(self, kind: LocalPlannerKind) -> dict[str, Any]:
+        """Return the robot's limits that a local planner takes over from DWA's section where its own does not say."""
+        own = self._values.get(kind, {})
+        lent = LOCAL_PLANNERS[kind].borrow(self._values.get("dwa", {}))
+        values = {name: value for name, value in lent.items() if name not in own}
+        if values:
+            taken = ", ".join(f"{name} {value:g}" for name, value in values.items())
+            self._log.note(f"{LOCAL_PLANNERS[kind].section} takes the robot's limits from DWAPlannerROS: {taken}")
+        return values
 
     def _put(self, section: str, name: str, setting: Setting) -> None:
         known = self._known[section]
@@ -221,6 +250,9 @@ class _Collected:
             choices = ", ".join(f"{self._title(section)}/{name}" for section in found)
             raise ConfigError(f"{setting.source} {name}: several parts have a parameter of that name: write {choices}")
         return found[0] if found else None
+
+    def _names(self) -> list[str]:
+        return [f"{self._title(section)}/{name}" for section, known in self._known.items() for name in known]
 
     def _title(self, section: str) -> str:
         return next((p.section for kind, p in LOCAL_PLANNERS.items() if kind == section), section)

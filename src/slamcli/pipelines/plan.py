@@ -82,6 +82,8 @@ class Answer:
                 "goal_offset_m": path.goal_offset_m,
                 "num_points": len(path.points_m),
             }
+            if path.directions is not None:
+                found["reverse_m"] = path.reverse_m
         if self.failure is not None:
             failure = self.failure
             found |= {
@@ -96,6 +98,8 @@ class Answer:
         if points and self.path is not None:
             poses = zip(self.path.points_m.tolist(), self.path.yaws_rad.tolist(), strict=True)
             found["path"] = [[x, y, yaw] for (x, y), yaw in poses]
+            if self.path.directions is not None:
+                found["directions"] = self.path.directions.tolist()
         return found
 
 
@@ -114,7 +118,7 @@ def load_site(
     map_path
         The map's YAML.
     planner
-        navfn, dijkstra or astar.
+        navfn, dijkstra, astar, theta_star, hybrid_astar or global_planner.
     costmap_files
         costmap_2d parameter files; of two values for one name the later counts.
     settings

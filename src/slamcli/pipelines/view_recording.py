@@ -153,7 +153,8 @@ class _Drawn:
 def _paths_and_scans(recording: Recording, options: ViewOptions, log: RunLog) -> _Drawn:
     drawn = _Drawn()
     pose_topics = sorted(
-        (t for kind in (Odometry, StampedPose) for t in recording.topics(kind) if t.count != 0), key=_preference
+        (t for kind in (Odometry, StampedPose) for t in recording.topics(kind) if t.count != 0 and not _is_request(t)),
+        key=_preference,
     )
     for topic in pose_topics[: _MOST_PATHS + 1]:
         trajectory = _read_path(recording, topic, options)
@@ -214,6 +215,12 @@ def _preference(topic: Topic) -> tuple[bool, bool, bool, str]:
 def _is_truth(topic: Topic) -> bool:
     """Return whether a topic's name says that it is ground truth."""
     return any(word in topic.name.lower() for word in _TRUTH_WORDS)
+
+
+def _is_request(topic: Topic) -> bool:
+    """Return whether a topic's name says that its poses are where a robot should be, not where it was."""
+    name = topic.name.lower().rpartition("/")[2]
+    return "goal" in name or name == "initialpose"
 
 
 def _read_path(recording: Recording, topic: Topic, options: ViewOptions) -> Trajectory:

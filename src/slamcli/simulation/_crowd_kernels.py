@@ -15,6 +15,7 @@ _A = 4.5  # m/s^2
 _GAMMA = 0.35
 _N_SIDE, _N_AHEAD = 2.0, 3.0
 _LAMBDA = 2.0
+_THING_A, _THING_B = 10.0, 0.15  # m/s^2, m: nobody likes to touch a robot or a cart, wherever it moves
 _PREFERS = 0.005  # rad/m: the side that is preferred
 _WALL_A, _WALL_B = 3.0, 0.1
 _SEES = 4.0  # m
@@ -102,6 +103,16 @@ def _interaction(gx, gy, vx, vy, ux, uy, extra, force):
     turn = -_A * math.copysign(1.0, theta) * math.exp(-distance / b - (_N_SIDE * b * theta) ** 2)
     force[0] += slow * tx - turn * ty
     force[1] += slow * ty + turn * tx
+
+
+@njit(cache=True, nogil=True)
+def _keep_off(gx, gy, gap, force):
+    """Add the repulsion from a thing whose nearest point lies at g, `gap` from the body (Helbing and Molnar 1995)."""
+    far = math.hypot(gx, gy)
+    if gap < 1.0 and far > 1e-6:
+        push = _THING_A * math.exp(-max(gap, 0.0) / _THING_B) / far
+        force[0] -= push * gx
+        force[1] -= push * gy
 
 
 @njit(cache=True, nogil=True)
@@ -219,9 +230,11 @@ def walk(
                     force[0] -= _PUSH * (2.0 * radius - far) * gx / far
                     force[1] -= _PUSH * (2.0 * radius - far) * gy / far
             _interaction(qx - x, qy - y, vx, vy, robot[3], robot[4], margin - radius, force)
+            _keep_off(qx - x, qy - y, gap, force)
             for j in range(carts.shape[0]):
                 px, py = _nearest_on_box(carts[j], x, y)
                 _interaction(px - x, py - y, vx, vy, carts[j, 7], carts[j, 8], carts[j, 6] - radius, force)
+                _keep_off(px - x, py - y, math.hypot(px - x, py - y) - carts[j, 6] - radius, force)
             _wall_force(room, field_frame, x, y, radius, force)
             size = math.hypot(force[0], force[1])
             if size > _MOST_FORCE:

@@ -220,6 +220,78 @@ def _tell(state, dx, dy, turn, told, draws, slip_draws, moving, tick, counters):
 
 
 @njit(cache=True, nogil=True)
+def _obey(counters, queue, wanted, limits, tick):
+    """Take the commands that are due from the queue; without one for too long the robot is to stand."""
+    while counters[2] > 0 and queue[counters[1], 0] <= counters[0]:
+        for i in range(3):
+            wanted[i] = queue[counters[1], 1 + i]
+        counters[1] = (counters[1] + 1) % queue.shape[0]
+        counters[2] -= 1
+        counters[4] = counters[0]
+    if (counters[0] - counters[4]) * tick > limits[11]:
+        wanted[:] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def _step(state, tick):
+    """Return dx, dy (in the frame of the body before) and the turn of one tick: the exact arc of a constant twist."""
+    turn = state[5] * tick
+    if abs(turn) > 1e-9:
+        a, b = math.sin(turn) / turn, (1.0 - math.cos(turn)) / turn
+    else:
+        a, b = 1.0, 0.5 * turn
+    return (a * state[3] - b * state[4]) * tick, (b * state[3] + a * state[4]) * tick, turn
+
+
+@njit(cache=True, nogil=True)
+def _note(events, found, tick, what, state, speed, approach):
+    """Write a contact down if there is room, and return how many there are."""
+    if found == events.shape[0]:
+        return found
+    events[found, 0], events[found, 1] = tick, what
+    events[found, 2], events[found, 3], events[found, 4], events[found, 5] = state[0], state[1], speed, approach
+    return found + 1
+
+
+@njit(cache=True, nogil=True)
+def _meet_walls(state, x, y, yaw, step, outline, radius, field, frame, shapes, touching, placed):
+    """Return whether walls stop the step to a pose (1), even if the body only turned (2), or not (0); see `advance`.
+
+    state[15] is the way that is surely free of walls: nothing is measured before it is used up.
+    """
+    state[15] -= step
+    if state[15] > 0.0 and not touching[0]:
+        return 0
+    now = wall_gap(outline, radius, state[0], state[1], state[2], field, frame, shapes, _LOOK, placed)
+    state[15] = now - step
+    if state[15] <= 0.0:
+        state[15] = 0.0
+        then = wall_gap(outline, radius, x, y, yaw, field, frame, shapes, _LOOK, placed)
+        if then <= 0.0 and (then < now or outline.shape[0] > 1) and step > 0.0:
+            touching[0] = 1
+            if outline.shape[0] == 1:
+                return 1
+            then = wall_gap(outline, radius, state[0], state[1], yaw, field, frame, shapes, _LOOK, placed)
+            return 2 if then <= 0.0 else 1
+    if now > _TOUCH_ENDS:
+        touching[0] = 0
+    return 0
+
+
+@njit(cache=True, nogil=True)
+def _last_part(state, x, y, yaw, outline, radius, field, frame, shapes, movers, placed):
+    """Return the part of a step towards x, y with the heading after it, in 64ths, that leads up to the walls."""
+    part = 0.0
+    for i in range(1, 7):
+        further = part + 0.5**i
+        ax, ay = state[0] + further * (x - state[0]), state[1] + further * (y - state[1])
+        gap = wall_gap(outline, radius, ax, ay, yaw, field, frame, shapes, _LOOK, placed)
+        if gap > 0.0 and mover_gap(outline, radius, ax, ay, yaw, movers, placed) > 0.0:
+            part = further
+    return part
+
+
+@njit(cache=True, nogil=True)
 def advance(
     ticks, tick, state, counters, queue, wanted, limits, outline, radius, around, field, frame, shapes, movers,
     touching, told, draws, slip_draws, history, events,
@@ -236,66 +308,34 @@ def advance(
     placed = np.empty_like(outline)
     for k in range(ticks):
         counters[0] += 1
-        while counters[2] > 0 and queue[counters[1], 0] <= counters[0]:
-            for i in range(3):
-                wanted[i] = queue[counters[1], 1 + i]
-            counters[1] = (counters[1] + 1) % queue.shape[0]
-            counters[2] -= 1
-            counters[4] = counters[0]
-        if (counters[0] - counters[4]) * tick > limits[11]:
-            wanted[:] = 0.0
+        _obey(counters, queue, wanted, limits, tick)
         _drive(state, wanted, limits, tick)
         for i in range(movers.shape[0]):
             movers[i, 0] += movers[i, 7] * tick
             movers[i, 1] += movers[i, 8] * tick
-        # the exact arc of a constant twist
-        turn = state[5] * tick
-        if abs(turn) > 1e-9:
-            a, b = math.sin(turn) / turn, (1.0 - math.cos(turn)) / turn
-        else:
-            a, b = 1.0, 0.5 * turn
-        dx, dy = (a * state[3] - b * state[4]) * tick, (b * state[3] + a * state[4]) * tick
+        dx, dy, turn = _step(state, tick)
         c, s = math.cos(state[2]), math.sin(state[2])
         x, y, yaw = state[0] + c * dx - s * dy, state[1] + s * dx + c * dy, state[2] + turn
         speed = math.hypot(state[3], state[4])
         step = math.hypot(dx, dy) + abs(turn) * (around - radius)
-        state[15] -= step
-        stopped, held = False, False
-        if state[15] <= 0.0 or touching[0]:
-            now = wall_gap(outline, radius, state[0], state[1], state[2], field, frame, shapes, _LOOK, placed)
-            state[15] = now - step
-            if state[15] <= 0.0:
-                then = wall_gap(outline, radius, x, y, yaw, field, frame, shapes, _LOOK, placed)
-                stopped = then <= 0.0 and (then < now or outline.shape[0] > 1) and step > 0.0
-                if stopped:
-                    then = wall_gap(outline, radius, state[0], state[1], yaw, field, frame, shapes, _LOOK, placed)
-                    held = then <= 0.0 and outline.shape[0] > 1
-                    if not touching[0] and found < events.shape[0]:
-                        events[found, 0], events[found, 1] = counters[0], -1
-                        events[found, 2], events[found, 3], events[found, 4] = state[0], state[1], speed
-                        events[found, 5] = speed + abs(state[5]) * (around - radius)
-                        found += 1
-                    touching[0] = 1
-                state[15] = 0.0
-            if touching[0] and not stopped and now > _TOUCH_ENDS:
-                touching[0] = 0
+        before = touching[0]
+        met = _meet_walls(state, x, y, yaw, step, outline, radius, field, frame, shapes, touching, placed)
+        stopped, held = met > 0, met == 2
+        if stopped and not before:
+            found = _note(events, found, counters[0], -1, state, speed, speed + abs(state[5]) * (around - radius))
         for i in range(movers.shape[0]):
             box = movers[i]
             far = math.hypot(box[0] - x, box[1] - y) - box[4] - box[5] - box[6] - around
-            if far > _TOUCH_ENDS:
-                touching[1 + i] = 0
-                continue
-            then = _box_gap(outline, radius, x, y, math.cos(yaw), math.sin(yaw), box, placed)
+            then = far
+            if far <= _TOUCH_ENDS:
+                then = _box_gap(outline, radius, x, y, math.cos(yaw), math.sin(yaw), box, placed)
             if then > 0.0:
                 if then > _TOUCH_ENDS:
                     touching[1 + i] = 0
                 continue
             now = _box_gap(outline, radius, state[0], state[1], c, s, box, placed)
-            if not touching[1 + i] and found < events.shape[0]:
-                events[found, 0], events[found, 1] = counters[0], i
-                events[found, 2], events[found, 3], events[found, 4] = state[0], state[1], speed
-                events[found, 5] = max(now - then, 0.0) / tick
-                found += 1
+            if not touching[1 + i]:
+                found = _note(events, found, counters[0], i, state, speed, max(now - then, 0.0) / tick)
             touching[1 + i] = 1
             if then < now - 1e-12:
                 stopped = True
@@ -303,18 +343,12 @@ def advance(
                 held = held or then < now - 1e-12
         if stopped:
             part = 0.0
-            if touching[0] and step > 2e-3:  # a long last step goes on until the walls are reached
-                for i in range(1, 7):
-                    further = part + 0.5**i
-                    ax, ay = state[0] + further * (x - state[0]), state[1] + further * (y - state[1])
-                    if wall_gap(outline, radius, ax, ay, state[2], field, frame, shapes, _LOOK, placed) > 0.0 and (
-                        mover_gap(outline, radius, ax, ay, state[2], movers, placed) > 0.0
-                    ):
-                        part = further
-            dx, dy, state[3], state[4] = part * dx, part * dy, 0.0, 0.0
-            x, y = state[0] + part * (x - state[0]), state[1] + part * (y - state[1])
             if held:
                 yaw, turn, state[5] = state[2], 0.0, 0.0
+            if met > 0 and step > 2e-3:  # a long last step goes on until the walls are reached
+                part = _last_part(state, x, y, yaw, outline, radius, field, frame, shapes, movers, placed)
+            dx, dy, state[3], state[4] = part * dx, part * dy, 0.0, 0.0
+            x, y = state[0] + part * (x - state[0]), state[1] + part * (y - state[1])
         state[0], state[1], state[2] = x, y, yaw
         moving = abs(dx) + abs(dy) + abs(turn) > 1e-6
         _tell(state, dx, dy, turn, told, draws[k], slip_draws[k], moving, tick, counters)

@@ -43,8 +43,18 @@ class Plant:
     what stands on the floor.
     """
 
-    def __init__(self, world: World, parameters: SimulationParameters, *, start: Array, seed: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        parameters: SimulationParameters,
+        *,
+        start: Array,
+        seed: int = 0,
+        odometry_start: Array | None = None,
+    ) -> None:
         """Place the robot at `start` (3,): x, y (metres) and yaw (radians) of base_link in the map.
+
+        `odometry_start` (3,) is what odometry says there; None: the origin.
 
         Raises
         ------
@@ -75,6 +85,9 @@ class Plant:
         self._laser_clock_rng, self._odometry_clock_rng = self.stream("laser clock"), self.stream("odometry clock")
         self._start_ns = round(p.clock_start * 1e9)
         self._contacts: list[Contact] = []
+        if odometry_start is not None:
+            self._state[7:10] = odometry_start
+            self._history[:, 3:6] = odometry_start
         self.teleport(start)
         self._traffic = Traffic(world, p, self._state[:3], self._outline, self._radius, self.stream)
         self._movers, self._seen = self._traffic.bodies, self._traffic.seen
@@ -314,3 +327,4 @@ def warm() -> None:
     plant.scan()
     plant.odom_pose_at(plant.stamp_ns)
     _ = plant.clearance_m
+    _plant_kernels.mover_gap(np.zeros((1, 2)), 0.2, 1.5, 1.5, 0.0, np.zeros((1, 9)), np.zeros((1, 2)))

@@ -88,6 +88,39 @@ def outline_distance(outline: Floats, closed: bool, pose: Floats, px: float, py:
 
 
 @njit(cache=True, nogil=True)
+def least_room(path: Floats, points: Floats, radius: float, reach: float) -> float:
+    """Return half of the least width, between obstacles left and right of it, that a path leaves a disc of that radius.
+
+    Only obstacles within `reach` metres of the disc count; inf where there are none on both sides.
+    """
+    least = np.inf
+    bound = reach + radius
+    for i in range(path.shape[0] - 1):
+        dx, dy = path[i + 1, 0] - path[i, 0], path[i + 1, 1] - path[i, 1]
+        left, right = np.inf, np.inf
+        for k in range(points.shape[0]):
+            px, py = points[k, 0] - path[i, 0], points[k, 1] - path[i, 1]
+            squared = px * px + py * py
+            if squared > bound * bound:
+                continue
+            if dx * py - dy * px > 0.0:
+                left = min(left, squared)
+            else:
+                right = min(right, squared)
+        least = min(least, 0.5 * (np.sqrt(left) + np.sqrt(right)) - radius)
+    return least
+
+
+@njit(cache=True, nogil=True)
+def clearances(outline: Floats, closed: bool, poses: Floats, points: Floats, values: Floats) -> None:
+    """Write the distance from the outline at each pose to the nearest point."""
+    for i in range(poses.shape[0]):
+        values[i] = np.inf
+        for k in range(points.shape[0]):
+            values[i] = min(values[i], outline_distance(outline, closed, poses[i], points[k, 0], points[k, 1]))
+
+
+@njit(cache=True, nogil=True)
 def associate(
     poses: Floats, outline: Floats, closed: bool, radius: float, points: Floats, force: float, cutoff: float,
     starts: Ints, near: Ints,

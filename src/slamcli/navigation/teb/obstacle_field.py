@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.teb import _obstacle_kernels as kernels
+from slamcli.navigation.teb.robot_outline import polygon
 
 Array = NDArray[np.float64]
 _MAX_GROUPS = 60
+_ROOM_REACH_M = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,6 +46,23 @@ class ObstacleField:
             max(window.inscribed_radius_m, window.resolution_m),
             step_rad,
         )
+
+    def room_m(self, path: Array, *, to_goal: bool = False) -> float:
+        """Return how far the robot stays from both sides, at least, if it follows a path in the middle; inf in the open.
+
+        With `to_goal` no more than what it has from any side at the path's last pose, float64 (N, 3), where it must go.
+        """
+        room = kernels.least_room(
+            np.ascontiguousarray(path), self.points, self.costmap.inscribed_radius_m, _ROOM_REACH_M
+        )
+        return float(min(room, self.clearance_m(path[-1:])[0]) if to_goal else room)
+
+    def clearance_m(self, poses: Array) -> Array:
+        """Return the distance of the costmap's footprint, at poses (N, 3), to the nearest obstacle point, 0 inside."""
+        values = np.empty(len(poses))
+        outline = polygon(self.costmap.footprint)
+        kernels.clearances(outline.segments, True, np.ascontiguousarray(poses), self.points, values)
+        return values
 
     def is_blocked(self, path: Array) -> bool:
         """Whether the robot's centre cannot go along a path, float64 (N, 2 or 3); more is forgiven near its ends."""
@@ -143,6 +162,8 @@ def warm() -> None:
     """Compile the kernels of this module."""
     field = obstacle_field(sample_costmap(), np.zeros(3), behind_m=1.0)
     field.collision(np.zeros((2, 3)), 1.0)
+    field.room_m(np.zeros((2, 3)))
+    field.clearance_m(np.zeros((1, 3)))
     field.is_blocked(np.zeros((2, 3)))
     field.is_blocked(np.zeros((2, 2)))
     field.is_visible(np.zeros(2), np.ones(2))

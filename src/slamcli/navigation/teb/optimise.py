@@ -42,6 +42,9 @@ class BandOptimiser:
         +1 or -1 to prefer turning left or right at the start, 0 for neither (oscillation recovery).
     via_points
         float64 (V, 2).
+    room_m
+        Half of what the narrowest passage on the way leaves beside the robot: with ``min_obstacle_dist`` auto no more is
+        kept, because obstacles that push from both sides keep a band out of a door.
 
     Notes
     -----
@@ -63,12 +66,13 @@ class BandOptimiser:
         start_twist: Array,
         turning: int = 0,
         via_points: Array | None = None,
+        room_m: float = float("inf"),
     ) -> None:
         self._parameters = parameters
         self._obstacles = obstacles
         self._via_points = np.zeros((0, 2)) if via_points is None else via_points
         self._outline = robot_outline(parameters.footprint_model, obstacles.costmap)
-        self._settings = settings_vector(parameters, self._outline, start_twist, turning)
+        self._settings = settings_vector(parameters, self._outline, start_twist, turning, room_m)
 
     def optimise(self, band: Band, *, with_via_points: bool = True) -> tuple[Band, Costs]:
         """Return the band optimised, and what it costs; the band itself where ``optimization_activate`` is off."""

@@ -159,7 +159,7 @@ class TebParameters:
     optimisation: OptimisationParameters = group(OptimisationParameters(), name="")
     homotopy: HomotopyParameters = group(HomotopyParameters(), name="")
     recovery: RecoveryParameters = group(RecoveryParameters(), name="")
-    footprint_model: FootprintModel = group(FootprintModel(), separator="/")
+    footprint_model: FootprintModel = group(FootprintModel())
     odom_topic: str = parameter("odom", "Accepted; no meaning offline.", effective=False)
     map_frame: str = parameter("odom", "Accepted; no meaning offline.", effective=False)
 

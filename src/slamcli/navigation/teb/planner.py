@@ -21,6 +21,7 @@ from slamcli.navigation.teb.oscillation import HorizonBackup, OscillationRecover
 from slamcli.navigation.teb.parameters import TebParameters
 
 Array = NDArray[np.float64]
+_NO_NEARER_M = 0.005
 
 
 class TebPlanner:
@@ -40,7 +41,7 @@ class TebPlanner:
 
     Notes
     -----
-    The footprint and the distance to keep come from the costmap unless ``footprint_model/type`` says otherwise; the
+    The footprint and the distance to keep come from the costmap unless ``footprint_model.type`` says otherwise; the
     original's point of 0.5 m is too large for doors under 1 m. Bands end with the robot at rest where the local plan ends.
 
     References
@@ -91,7 +92,7 @@ class TebPlanner:
         """
         rules = self._parameters
         plan = self._window.cut(state, costmap)
-        path, via_points = self._local_plan(plan, state, costmap)
+        path, via_points, reaches_goal = self._local_plan(plan, state, costmap)
         obstacles = obstacle_field(
             costmap,
             state.pose_odom,
@@ -105,6 +106,7 @@ class TebPlanner:
             start_twist=state.twist,
             turning=self._oscillation.turning,
             via_points=via_points,
+            room_m=obstacles.room_m(path, to_goal=reaches_goal),
         )
         bands = self._alternatives.plan(path, optimiser, obstacles, state.time_s)
         band = self._first_feasible(bands, obstacles, state)
@@ -133,14 +135,14 @@ class TebPlanner:
         left = rules.complete_global_plan and self._via_points_left > 0
         return bool((stands or rules.free_goal_vel) and not left)
 
-    def _local_plan(self, plan: LocalPlan, state: RobotState, costmap: CostWindow) -> tuple[Array, Array]:
-        """Return the local plan from the robot on, float64 (N, 3), N >= 2, and via-points on it, float64 (V, 2)."""
+    def _local_plan(self, plan: LocalPlan, state: RobotState, costmap: CostWindow) -> tuple[Array, Array, bool]:
+        """Return the local plan from the robot on, float64 (N, 3), N >= 2, via-points on it (V, 2), and if it is all."""
         rules = self._parameters.trajectory
         path, reaches_goal = trimmed(plan, state.pose_odom, costmap, rules)
         path = self._horizon.shortened(path, reaches_goal=reaches_goal, time_s=state.time_s)
         via_points = spaced(path, rules.global_plan_viapoint_sep)
         self._via_points_left = len(via_points) if not reaches_goal else 0
-        return path, via_points
+        return path, via_points, reaches_goal
 
     def _first_feasible(self, bands: tuple[Band, ...], obstacles: ObstacleField, state: RobotState) -> Band:
         rules = self._parameters.trajectory
@@ -151,9 +153,23 @@ class TebPlanner:
             if rules.feasibility_check_lookahead_distance > 0.0:
                 far = np.hypot(*(poses[:, :2] - poses[0, :2]).T) > rules.feasibility_check_lookahead_distance
                 poses = poses[: int(np.argmax(far))] if far.any() else poses
-            if obstacles.collision(poses, rules.min_resolution_collision_check_angular) < 0:
+            if self._is_feasible(poses, obstacles):
                 self._horizon.observe(feasible=True, time_s=state.time_s)
                 return band
         self._horizon.observe(feasible=False, time_s=state.time_s)
         self._alternatives.clear()
         raise NoCommandError(f"none of {len(bands)} timed elastic bands is free of collisions over its first poses")
+
+    def _is_feasible(self, poses: Array, obstacles: ObstacleField) -> bool:
+        """Whether a robot at the first of `poses` may take the others.
+
+        One that touches an obstacle already, because this came to it or cells are coarse, may where it comes no nearer.
+        """
+        step_rad = self._parameters.trajectory.min_resolution_collision_check_angular
+        if obstacles.collision(poses, step_rad) < 0:
+            return True
+        if obstacles.collision(poses[:1], step_rad) < 0:
+            return False
+        clearances = obstacles.clearance_m(poses)
+        touching = clearances < obstacles.costmap.resolution_m
+        return bool((clearances >= clearances[0] - _NO_NEARER_M)[touching].all())

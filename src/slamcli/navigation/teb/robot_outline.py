@@ -51,16 +51,16 @@ def robot_outline(model: FootprintModel, costmap: CostWindow) -> RobotOutline:
         ends = _points("line", f"[{model.line_start}, {model.line_end}, {model.line_end}]")
         return RobotOutline(segments=np.array([[*ends[0], *ends[1], 0.0]]), closed=False)
     if model.type == "polygon":
-        return _polygon(_points("polygon", model.vertices))
+        return polygon(_points("polygon", model.vertices))
     if costmap.circumscribed_radius_m <= _NEARLY_A_CIRCLE * costmap.inscribed_radius_m:
         return _discs((0.0, 0.0, costmap.circumscribed_radius_m))
-    return _polygon(costmap.footprint)
+    return polygon(costmap.footprint)
 
 
 def _points(type_name: str, text: str) -> Array:
     points = parse_footprint(text)
     if not points:
-        raise ConfigError(f"footprint_model/type={type_name!r}: its points are missing")
+        raise ConfigError(f"footprint_model.type={type_name!r}: its points are missing")
     return np.array(points, dtype=np.float64)
 
 
@@ -68,6 +68,7 @@ def _discs(*discs: tuple[float, float, float]) -> RobotOutline:
     return RobotOutline(segments=np.array([[x, y, x, y, radius] for x, y, radius in discs]), closed=False)
 
 
-def _polygon(corners: Array) -> RobotOutline:
+def polygon(corners: Array) -> RobotOutline:
+    """Return the outline with corners, float64 (N, 2), base frame."""
     segments = np.column_stack([corners, np.roll(corners, -1, axis=0), np.zeros(len(corners))])
     return RobotOutline(segments=np.ascontiguousarray(segments), closed=True)

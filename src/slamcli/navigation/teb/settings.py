@@ -29,11 +29,14 @@ SETTINGS = (
     *("holonomic", "exact_arc_length", "carlike", "circumscribed_radius"),
 )
 _AUTO_MIN_DIST_M, _POINT_MIN_DIST_M = 0.1, 0.5
+_ROOM_MARGIN_M = 0.02
 _AUTO_INFLATION_M, _POINT_INFLATION_M = 0.35, 0.6
 
 
-def settings_vector(parameters: TebParameters, outline: RobotOutline, start_twist: Array, turning: int) -> Array:
-    """Return the numbers that the kernel wants, in its order."""
+def settings_vector(
+    parameters: TebParameters, outline: RobotOutline, start_twist: Array, turning: int, room_m: float = float("inf")
+) -> Array:
+    """Return the numbers that the kernel wants, in its order; `room_m` as of `BandOptimiser`."""
     groups = (parameters.robot, parameters.optimisation, parameters.obstacles, parameters.goal)
     values: dict[str, Any] = {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
     auto = parameters.footprint_model.type == "auto"
@@ -50,7 +53,9 @@ def settings_vector(parameters: TebParameters, outline: RobotOutline, start_twis
         "max_vel_trans": robot.max_vel_trans or robot.max_vel_x,
     }
     if values["min_obstacle_dist"] is None:
-        values["min_obstacle_dist"] = _AUTO_MIN_DIST_M if auto else _POINT_MIN_DIST_M
+        spare = room_m - _ROOM_MARGIN_M - parameters.optimisation.penalty_epsilon
+        least = -parameters.optimisation.penalty_epsilon
+        values["min_obstacle_dist"] = max(least, min(_AUTO_MIN_DIST_M, spare)) if auto else _POINT_MIN_DIST_M
     if values["inflation_dist"] is None:
         values["inflation_dist"] = _AUTO_INFLATION_M if auto else _POINT_INFLATION_M
     return np.array([float(values[name]) for name in SETTINGS])

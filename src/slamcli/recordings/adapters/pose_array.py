@@ -49,8 +49,7 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Stampe
 
 
 def _encode(stamped: StampedPoses, messages: MessageFactory) -> Any:
-    rows = zip(stamped.positions_m, stamped.quats_xyzw, strict=True)
-    poses = [messages.pose(position, quat) for position, quat in rows]
+    poses = messages.poses(stamped.positions_m, stamped.quats_xyzw)
     return messages.make("geometry_msgs/msg/PoseArray", messages.header(stamped.stamp_ns, stamped.frame_id), poses)
 
 
