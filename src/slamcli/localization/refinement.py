@@ -19,6 +19,8 @@ _NOISE_M = 0.3
 """Standard deviation of one reading about a wall of the map; more than the scanner's, for neighbours err alike."""
 _COARSE_M, _FINE_M = 0.4, 0.15
 """Readings much farther from walls than this pull less and less, far from the answer and close to it."""
+_COARSE_CELLS, _FINE_CELLS, _SPARE_CELLS = 2.0, 1.0, 2.0
+"""At least so many cells: what beams meet is the edge of a cell, and distances are to its centre."""
 _ITERATIONS = 10
 _FARTHEST, _PER_DISTANCE = 4.0, 0.02
 """Squared Mahalanobis distance that a refined pose may lie from what the particles say; so much fit weighs one unit of it up."""
@@ -53,7 +55,7 @@ def tells_enough(points: Array) -> bool:
 def fit_of(map_: LocalizationMap, points: Array, pose: Array) -> float:
     """Return how well points (M, 2) lie on walls seen from a pose (3,), 0 to 1."""
     at = pose.copy()
-    return float(_refine(map_, points, pose, np.zeros((3, 3)), _FINE_M, 0, at))
+    return _refine(map_, points, pose, np.zeros((3, 3)), _scales(map_)[1], 0, at)
 
 
 def agreement(map_: LocalizationMap, points: Array, poses: Array, fits: Array) -> Array:
@@ -62,7 +64,8 @@ def agreement(map_: LocalizationMap, points: Array, poses: Array, fits: Array) -
     Ends of beams alone would be explained by many a wrong place, where the beams pass through walls.
     """
     blocked = np.empty(len(poses))
-    kernels.blocked_shares(points, np.ascontiguousarray(poses), map_.frame, map_.distances, _SPARE_M, blocked)
+    spare = max(_SPARE_M, _SPARE_CELLS * map_.grid.resolution_m)
+    kernels.blocked_shares(points, np.ascontiguousarray(poses), map_.frame, map_.distances, spare, blocked)
     return np.asarray(fits - blocked)
 
 
@@ -92,8 +95,9 @@ def refine_pose(
     least = -np.inf
     for start in starts:
         pose = start.copy()
-        _refine(map_, points, mean, information, _COARSE_M, _ITERATIONS, pose)
-        fit = _refine(map_, points, mean, information, _FINE_M, _ITERATIONS, pose)
+        fit = 0.0
+        for scale in _scales(map_):
+            fit = _refine(map_, points, mean, information, scale, _ITERATIONS, pose)
         pose[2] = float(se2.wrap_angle(pose[2]))
         apart = pose - mean
         apart[2] = float(se2.wrap_angle(apart[2]))
@@ -105,7 +109,7 @@ def refine_pose(
 
 
 def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return poses (K, 3) all over the map at which a scan lies best on the walls, and their `agreement` (K,).
+    """Return poses (K, 3) all over the map at which a scan lies best on the walls, and their `agreement` (K,), best first.
 
     Of `num` poses drawn over the free cells the best are refined; those that come out together count once.
     """
@@ -115,7 +119,7 @@ def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.rand
     weight_kernels.field_cubes(poses, coarse, map_.frame, map_.field, map_.far, 0.0, likely)
     found = poses[np.argsort(-likely, kind="stable")[:_TRIED]]
     fits = np.empty(len(found))
-    for scale in (_COARSE_M, _FINE_M):
+    for scale in _scales(map_):
         kernels.refine_each(points, found, _LOOSE, map_.frame, map_.distances, _NOISE_M, scale, _ITERATIONS, fits)
     found[:, 2] = se2.wrap_angle(found[:, 2])
     chosen: list[int] = []
@@ -124,7 +128,15 @@ def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.rand
         near = (np.hypot(apart[:, 0], apart[:, 1]) < _APART_M) & (np.abs(se2.wrap_angle(apart[:, 2])) < _APART_RAD)
         if len(chosen) < _KEPT and not near.any() and map_.is_free(found[n, :2]):
             chosen.append(int(n))
-    return found[chosen], agreement(map_, points, found[chosen], fits[chosen])
+    agreements = agreement(map_, points, found[chosen], fits[chosen])
+    order = np.argsort(-agreements, kind="stable")
+    return found[chosen][order], agreements[order]
+
+
+def _scales(map_: LocalizationMap) -> tuple[float, float]:
+    """Return the wide and the narrow look, metres."""
+    cell = map_.grid.resolution_m
+    return max(_COARSE_M, _COARSE_CELLS * cell), max(_FINE_M, _FINE_CELLS * cell)
 
 
 def _refine(
