@@ -89,7 +89,7 @@ class SearchSpace(SearchGrid):
 
 def _weight(parameters: PlannerParameters) -> NDArray[np.float64]:
     value = np.arange(256, dtype=np.float64)
-    weight = (parameters.neutral_cost + parameters.cost_factor * value) / parameters.neutral_cost
+    weight = (parameters.neutral_cost + parameters.factor * value) / parameters.neutral_cost
     weight[NO_INFORMATION] = weight[INSCRIBED]
     return weight
 
