@@ -165,6 +165,16 @@ def test_a_goal_without_a_way_is_one_line_and_exit_code_1(room, capsys, goal, me
     assert said.err.strip().splitlines()[-1].startswith(f"slamcli: {message}")
 
 
+def test_a_robot_that_does_not_set_out_leaves_a_report_and_no_film(room, tmp_path, capsys):
+    folder = tmp_path / "out"
+    assert run(["navigate", "9,0", "--map", str(room), "--start", "-1.5,0.5", "-o", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert "the robot did not set out: there is no animation" in said
+    assert said.strip().splitlines()[-1].startswith("slamcli: goal 1 (9,0) unreachable")
+    assert {path.name for path in folder.iterdir()} == {"report.html", "run.json", "run.mcap"}
+    assert "unreachable" in (folder / "report.html").read_text()
+
+
 def test_a_goal_that_fails_does_not_keep_the_robot_from_the_next(room, capsys):
     code = run(["navigate", "9,0", "-1.5,0.2", "8,0", "--map", str(room), "--start", "-1.5,0.5,-1.5"])
     said = capsys.readouterr()

@@ -125,6 +125,11 @@ class Animation(LoopListener):
             self._every += self._every
             self._moments = self._moments[::2]
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no time has passed, so that there is nothing to show."""
+        return not self._moments
+
     def write(self, target: Path) -> int:
         """Write the film as the suffix of `target` says, and return the number of its frames.
 

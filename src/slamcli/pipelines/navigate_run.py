@@ -64,7 +64,7 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
     _check(request)
     with log.stage("prepare"):
         robot = build_robot(request, log)
-    teller, written = StoryTeller(), list[Path]()
+    teller = StoryTeller()
     robot.listen(teller)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(atomic_directory(request.output)) if request.output is not None else None
@@ -77,18 +77,29 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
             goals, collisions = _drive(request, robot, log)
             counts = {} if recording is None else dict(sorted(recording.counts.items()))
         story = teller.story(goals, collisions)
-        if targets.film is not None:
-            with log.stage("animation"):
-                animation.write(targets.film)
+        made = [targets.recording, _filmed(animation, targets.film, log)]
         document = navigation_document(
-            request, robot, story, counts, log, total_s=time.perf_counter() - began, outputs=targets.names
-        )
+            request, robot, story, counts, log, total_s=time.perf_counter() - began,
+            outputs=[p.name for p in made if p is not None and p.parent == folder],
+        )  # fmt: skip
         if folder is not None:
             document = write_folder(folder, request, document, story, robot.config, log)
-    written += [p for p in (request.recording, request.film) if p is not None]
+    written = [p for p in made if p is not None and p.parent != folder]
     if request.output is not None:
-        written += [request.output / name for name in document["outputs"] if (request.output / name).is_file()]
+        written += [request.output / name for name in document["outputs"]]
     return NavigateOutcome(story=story, document=document, written=tuple(written))
+
+
+def _filmed(animation: Animation, target: Path | None, log: RunLog) -> Path | None:
+    """Write the animation if one is asked for and something happened; return where."""
+    if target is None:
+        return None
+    if animation.is_empty:
+        log.note("the robot did not set out: there is no animation")
+        return None
+    with log.stage("animation"):
+        animation.write(target)
+    return target
 
 
 class _Targets:
@@ -98,7 +109,6 @@ class _Targets:
         into = None if request.lean else folder
         self.recording = request.recording or (None if into is None else into / RECORDING)
         self.film = request.film or (None if into is None else into / FILM)
-        self.names = [p.name for p in (self.recording, self.film) if p is not None and p.parent == folder]
 
 
 def _check(request: NavigateRequest) -> None:
