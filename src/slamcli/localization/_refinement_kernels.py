@@ -108,3 +108,27 @@ def refine_each(points, poses, information, frame, distances, noise, scale, iter
     for n in range(poses.shape[0]):
         prior[:] = poses[n]
         fit[n] = refine(points, prior, information, frame, distances, noise, scale, iterations, poses[n])
+
+
+@njit(cache=True, nogil=True)
+def blocked_shares(points, poses, frame, distances, spare, out):
+    """Set `out` (N,) to the share of `points` (M, 2) that `poses` (N, 3) see through a wall: on the way to them, `spare` metres short."""
+    height, width = distances.shape
+    gc, gs, per_metre = math.cos(frame[2]), math.sin(frame[2]), frame[3]
+    for n in range(poses.shape[0]):
+        dx, dy = poses[n, 0] - frame[0], poses[n, 1] - frame[1]
+        x, y = (gc * dx + gs * dy) * per_metre, (gc * dy - gs * dx) * per_metre
+        c, s = math.cos(poses[n, 2] - frame[2]) * per_metre, math.sin(poses[n, 2] - frame[2]) * per_metre
+        blocked = 0
+        for m in range(points.shape[0]):
+            way_x, way_y = c * points[m, 0] - s * points[m, 1], s * points[m, 0] + c * points[m, 1]
+            length = math.sqrt(way_x * way_x + way_y * way_y)
+            steps = math.floor(length - spare * per_metre)
+            for k in range(1, steps):
+                column, row = math.floor(x + way_x * k / length), math.floor(y + way_y * k / length)
+                if column < 0 or row < 0 or column >= width or row >= height:
+                    break
+                if distances[row, column] == 0.0:
+                    blocked += 1
+                    break
+        out[n] = blocked / max(points.shape[0], 1)
