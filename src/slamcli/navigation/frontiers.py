@@ -93,7 +93,7 @@ class FrontierSearch:
         first, room = (start[0] + 1) * width + start[1] + 1, self._room
         span = kernels.wave(flat, width, first, p.through_cost, self._reach, room)
         if p.look_in:
-            span = kernels.look_in(flat, width, p.through_cost, *span, self._reach, room[0])
+            span = kernels.look_in(flat, width, *span, self._reach, room[0])
         cells, near, firsts = room[:3]
         count = kernels.groups(flat, width, *span, self._reach, cells, near, firsts)
         view = _View(self._costs, np.array(origin_m) - resolution_m, resolution_m, pose, p, self._reach, self._seen)
