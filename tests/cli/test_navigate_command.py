@@ -143,6 +143,28 @@ def test_slam_makes_the_map_on_the_way(room, tmp_path, algo):
     assert (near == 100).any()
 
 
+@pytest.mark.parametrize("how", ["upside_down", "clockwise"])
+def test_a_scanner_that_sees_the_other_way_round(room, tmp_path, how):
+    folder = tmp_path / "out"
+    arguments = [
+        "navigate",
+        "1.0,0.5",
+        "--map",
+        str(room),
+        "--start",
+        "-1.5,0.5,-1.57",
+        "--set",
+        f"laser.{how}=true",
+        "-q",
+    ]
+    assert run([*arguments, "-o", str(folder)]) == 0
+    summary = json.loads((folder / "run.json").read_text())["summary"]
+    assert summary["localisation_rmse_m"] < 0.08
+    with open_recording(folder / "run.mcap") as recording:  # the recording says how it hangs
+        T = recording.frames().lookup("base_link", "laser", 1_700_000_002_000_000_000)
+    assert (T[2, 2] < 0) == (how == "upside_down")
+
+
 def test_the_start_of_a_world_is_the_default(tmp_path, capsys):
     assert (
         run(["navigate", "2.6,8.75", "--slam", "gmapping", "--world", "office", "--slam-set", "particles=2", "--json"])
@@ -163,6 +185,16 @@ def test_a_goal_without_a_way_is_one_line_and_exit_code_1(room, capsys, goal, me
     assert run(["navigate", goal, "--map", str(room), "--start", "-1.5,0.5"]) == 1
     said = capsys.readouterr()
     assert said.err.strip().splitlines()[-1].startswith(f"slamcli: {message}")
+
+
+def test_a_robot_that_does_not_set_out_leaves_a_report_and_no_film(room, tmp_path, capsys):
+    folder = tmp_path / "out"
+    assert run(["navigate", "9,0", "--map", str(room), "--start", "-1.5,0.5", "-o", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert "the robot did not set out: there is no animation" in said
+    assert said.strip().splitlines()[-1].startswith("slamcli: goal 1 (9,0) unreachable")
+    assert {path.name for path in folder.iterdir()} == {"report.html", "run.json", "run.mcap"}
+    assert "unreachable" in (folder / "report.html").read_text()
 
 
 def test_a_goal_that_fails_does_not_keep_the_robot_from_the_next(room, capsys):

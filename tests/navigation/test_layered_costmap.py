@@ -518,6 +518,8 @@ def test_kernels_compile_once() -> None:
 
     kernels = [getattr(module, name) for module in (_master_kernels, _obstacle_kernels) for name in dir(module)]
     kernels = [kernel for kernel in kernels if hasattr(kernel, "signatures")]
+    if not kernels:
+        pytest.skip("kernels run as plain Python")
     inflation_layer.warm()
     obstacle_layer.warm()
     scan_observation.warm()
@@ -532,3 +534,23 @@ def test_kernels_compile_once() -> None:
         layered.clear_outside([4.5, 4.5, 0.0], 1.0, ["obstacle_layer"])
         layered.update([7.0, 4.5, 0.0])
     assert [len(kernel.signatures) for kernel in kernels] == before
+
+
+def test_counts_around_one_obstacle() -> None:
+    # The 29 cells within three cells of one; four of them touch it. costmap_2d's own tests count the same.
+    square = "[[1, 1], [1, -1], [-1, -1], [-1, 1]]"
+    grid = OccupancyGrid(np.zeros((10, 10), dtype=np.int8), 1.0)
+    layered = costmap(grid, footprint=square, footprint_padding=0.0, inflation_radius=3.0, cost_scaling_factor=0.1)
+    layered.observe(seen((5.0, 5.0)))
+    layered.update([0.5, 0.5, 0.0])
+    costs = layered.window().costs
+    assert [int((costs == value).sum()) for value in (254, 253)] == [1, 4]
+    assert int((costs > 0).sum()) == 29
+
+
+def test_a_diagonal_beam_frees_the_diagonal() -> None:
+    layered = costmap(OccupancyGrid(np.full((10, 10), -1, dtype=np.int8), 1.0), track_unknown=True)
+    layered.observe(seen((9.5, 9.5)))
+    layered.update([0.5, 0.5, 0.0])
+    assert np.diag(layered.window().costs).tolist() == [0] * 9 + [254]
+    assert int((layered.window().costs == 255).sum()) == 90

@@ -20,12 +20,12 @@ from slamcli.pipelines.mission import Waypoint
 from slamcli.pipelines.navigate import Arrival, Navigator
 from slamcli.pipelines.navigate_outputs import FILM, RECORDING, navigation_document, write_folder
 from slamcli.pipelines.navigate_request import NavigateRequest, build_robot, inputs_of
-from slamcli.pipelines.navigation_recording import NavigationRecording, RecordingRates
+from slamcli.pipelines.navigation_recording import NavigationRecording
+from slamcli.pipelines.robot_recording import recording_of
 from slamcli.pipelines.story_teller import StoryTeller
 from slamcli.recordings.containers import create_raw
 from slamcli.reports.film import check_film
 from slamcli.runtime import RunLog
-from slamcli.simulation import laser
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,31 +64,42 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
     _check(request)
     with log.stage("prepare"):
         robot = build_robot(request, log)
-    teller, written = StoryTeller(), list[Path]()
+    teller = StoryTeller()
     robot.listen(teller)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(atomic_directory(request.output)) if request.output is not None else None
         targets = _Targets(request, folder)
         counts: Mapping[str, int] = {}
-        animation = Animation(robot.plant.T_base_laser)
+        animation = Animation(robot.plant.T_base_laser, upside_down=robot.plant.parameters.laser_upside_down)
         if targets.film is not None:
             robot.listen(animation)
         with _recording(targets.recording, robot) as recording:
             goals, collisions = _drive(request, robot, log)
             counts = {} if recording is None else dict(sorted(recording.counts.items()))
         story = teller.story(goals, collisions)
-        if targets.film is not None:
-            with log.stage("animation"):
-                animation.write(targets.film)
+        made = [targets.recording, _filmed(animation, targets.film, log)]
         document = navigation_document(
-            request, robot, story, counts, log, total_s=time.perf_counter() - began, outputs=targets.names
-        )
+            request, robot, story, counts, log, total_s=time.perf_counter() - began,
+            outputs=[p.name for p in made if p is not None and p.parent == folder],
+        )  # fmt: skip
         if folder is not None:
             document = write_folder(folder, request, document, story, robot.config, log)
-    written += [p for p in (request.recording, request.film) if p is not None]
+    written = [p for p in made if p is not None and p.parent != folder]
     if request.output is not None:
-        written += [request.output / name for name in document["outputs"] if (request.output / name).is_file()]
+        written += [request.output / name for name in document["outputs"]]
     return NavigateOutcome(story=story, document=document, written=tuple(written))
+
+
+def _filmed(animation: Animation, target: Path | None, log: RunLog) -> Path | None:
+    """Write the animation if one is asked for and something happened; return where."""
+    if target is None:
+        return None
+    if animation.is_empty:
+        log.note("the robot did not set out: there is no animation")
+        return None
+    with log.stage("animation"):
+        animation.write(target)
+    return target
 
 
 class _Targets:
@@ -98,7 +109,6 @@ class _Targets:
         into = None if request.lean else folder
         self.recording = request.recording or (None if into is None else into / RECORDING)
         self.film = request.film or (None if into is None else into / FILM)
-        self.names = [p.name for p in (self.recording, self.film) if p is not None and p.parent == folder]
 
 
 def _check(request: NavigateRequest) -> None:
@@ -135,17 +145,7 @@ def _recording(target: Path | None, robot: Navigator) -> Iterator[NavigationReco
     if target is None:
         yield None
         return
-    plant, config = robot.plant, robot.config
-    periods = {
-        name: 1.0 / parameters.costmap.publish_frequency if parameters.costmap.publish_frequency > 0.0 else math.inf
-        for name, parameters in (("global", config.global_costmap), ("local", config.local_costmap))
-    }
-    listener = NavigationRecording(
-        target, start_ns=round(plant.parameters.clock_start * 1e9), T_base_laser=plant.T_base_laser, laser_frame=laser.FRAME,
-        laser_height_m=plant.parameters.laser_z, base_frame=plant.parameters.robot_base_frame,
-        rates=RecordingRates(costmaps_s=periods),
-    )  # fmt: skip
-    with listener:
+    with recording_of(target, robot.plant, robot.config) as listener:
         robot.listen(listener)
         yield listener
 

@@ -10,23 +10,23 @@ _SLACK = 1e-9  # share of a segment: rays through a corner that two walls share 
 
 
 @njit(cache=True, nogil=True)
-def _rounded_box(ox, oy, dx, dy, box):
-    """Distance along a ray to the outline of a box (7,) without rounding, or of a disc; inf without a hit."""
-    ax, ay = ox - box[0], oy - box[1]
-    if box[4] == 0.0 and box[5] == 0.0:
+def _mover(ox, oy, dx, dy, movers, j, time):
+    """Distance along a ray to what moves (9,) as row j is `time` s later: a disc, or a box; inf without a hit."""
+    ax, ay = ox - movers[j, 0] - movers[j, 7] * time, oy - movers[j, 1] - movers[j, 8] * time
+    if movers[j, 4] == 0.0 and movers[j, 5] == 0.0:
         along, across = -(ax * dx + ay * dy), ax * dy - ay * dx
-        half = box[6] * box[6] - across * across
+        half = movers[j, 6] * movers[j, 6] - across * across
         if half < 0.0:
             return np.inf
         root = math.sqrt(half)
         if along - root >= 0.0:
             return along - root
         return along + root if along + root >= 0.0 else np.inf
-    c, s = box[2], box[3]
+    c, s = movers[j, 2], movers[j, 3]
     px, py = c * ax + s * ay, c * ay - s * ax
     qx, qy = c * dx + s * dy, c * dy - s * dx
     enter, leave = -np.inf, np.inf
-    for at, way, half in ((px, qx, box[4]), (py, qy, box[5])):
+    for at, way, half in ((px, qx, movers[j, 4]), (py, qy, movers[j, 5])):
         if way == 0.0:
             if abs(at) > half:
                 return np.inf
@@ -167,18 +167,13 @@ def true_ranges(
     of the beams in base_link, `times` (N,) seconds of the beams from the moment at which `movers` (M, 9) are there.
     """
     size = frame[4]
-    box = np.empty(7)
     for i in range(angles.shape[0]):
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         ox, oy = poses[i, 0] + c * mount[0] - s * mount[1], poses[i, 1] + s * mount[0] + c * mount[1]
         dx, dy = math.cos(poses[i, 2] + angles[i]), math.sin(poses[i, 2] + angles[i])
         best = limit
         for j in range(movers.shape[0]):
-            for k in range(7):
-                box[k] = movers[j, k]
-            box[0] += movers[j, 7] * times[i]
-            box[1] += movers[j, 8] * times[i]
-            hit = _rounded_box(ox, oy, dx, dy, box)
+            hit = _mover(ox, oy, dx, dy, movers, j, times[i])
             if hit < best:
                 best = hit
         best = _walls(ox, oy, dx, dy, segments, circles, starts, members, layout, best)
