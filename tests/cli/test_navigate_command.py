@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slamcli.cli.main import run
-from slamcli.formats.maps import write_map
+from slamcli.formats.maps import read_map, write_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
 from slamcli.recordings import open_recording
@@ -115,6 +115,64 @@ def test_a_mission_with_names_and_a_recording_of_its_own(room, tmp_path, capsys)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.yaml", "r.bag"]
 
 
+@pytest.mark.parametrize("algo", ["gmapping", "cartographer"])
+def test_slam_makes_the_map_on_the_way(room, tmp_path, algo):
+    folder = tmp_path / "out"
+    arguments = [
+        "navigate",
+        "1.0,0.5",
+        "--slam",
+        algo,
+        "--world",
+        str(room),
+        "--start",
+        "-1.5,0.5,-1.57",
+        "--lean",
+        "-q",
+    ]
+    config = ["--config", "slam_navigation_full.launch", "--slam-set", "particles=5"] if algo == "gmapping" else []
+    assert run([*arguments, *config, "-o", str(folder)]) == 0
+    document = json.loads((folder / "run.json").read_text())
+    assert document["summary"]["reached"] == 1
+    assert (document["summary"]["slam"], document["summary"]["map"]) == (algo, None)
+    assert {"map.yaml", "map.pgm", "trajectory.tum"} <= set(document["outputs"])
+    made = read_map(folder / "map.yaml").grid
+    cells = made.map_to_cell([[0.02, 1.5], [0.0, -1.0], [1.0, 0.5]])
+    assert made.cells[cells[1:, 0], cells[1:, 1]].tolist() == [0, 0]
+    near = made.cells[cells[0, 0] - 2 : cells[0, 0] + 3, cells[0, 1] - 2 : cells[0, 1] + 3]
+    assert (near == 100).any()
+
+
+@pytest.mark.parametrize("how", ["upside_down", "clockwise"])
+def test_a_scanner_that_sees_the_other_way_round(room, tmp_path, how):
+    folder = tmp_path / "out"
+    arguments = [
+        "navigate",
+        "1.0,0.5",
+        "--map",
+        str(room),
+        "--start",
+        "-1.5,0.5,-1.57",
+        "--set",
+        f"laser.{how}=true",
+        "-q",
+    ]
+    assert run([*arguments, "-o", str(folder)]) == 0
+    summary = json.loads((folder / "run.json").read_text())["summary"]
+    assert summary["localisation_rmse_m"] < 0.08
+    with open_recording(folder / "run.mcap") as recording:  # the recording says how it hangs
+        T = recording.frames().lookup("base_link", "laser", 1_700_000_002_000_000_000)
+    assert (T[2, 2] < 0) == (how == "upside_down")
+
+
+def test_the_start_of_a_world_is_the_default(tmp_path, capsys):
+    assert (
+        run(["navigate", "2.6,8.75", "--slam", "gmapping", "--world", "office", "--slam-set", "particles=2", "--json"])
+        == 0
+    )
+    assert json.loads(capsys.readouterr().out)["summary"]["start"][:2] == pytest.approx([2.0, 8.8])
+
+
 @pytest.mark.parametrize(
     ("goal", "message"),
     [
@@ -127,6 +185,16 @@ def test_a_goal_without_a_way_is_one_line_and_exit_code_1(room, capsys, goal, me
     assert run(["navigate", goal, "--map", str(room), "--start", "-1.5,0.5"]) == 1
     said = capsys.readouterr()
     assert said.err.strip().splitlines()[-1].startswith(f"slamcli: {message}")
+
+
+def test_a_robot_that_does_not_set_out_leaves_a_report_and_no_film(room, tmp_path, capsys):
+    folder = tmp_path / "out"
+    assert run(["navigate", "9,0", "--map", str(room), "--start", "-1.5,0.5", "-o", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert "the robot did not set out: there is no animation" in said
+    assert said.strip().splitlines()[-1].startswith("slamcli: goal 1 (9,0) unreachable")
+    assert {path.name for path in folder.iterdir()} == {"report.html", "run.json", "run.mcap"}
+    assert "unreachable" in (folder / "report.html").read_text()
 
 
 def test_a_goal_that_fails_does_not_keep_the_robot_from_the_next(room, capsys):
@@ -149,6 +217,7 @@ def test_time_runs_out(room, capsys):
         (["1", "--start", "0,1"], "goal 1: write it as X,Y or X,Y,YAW"),
         (["hello", "--start", "0,1"], "goal hello: write it as X,Y"),
         (["1,1"], "where does the robot stand? give --start"),
+        (["1,1", "--slam", "gmapping", "--world", "office"], "give --map FILE, or --slam"),
         (["--start", "0,1"], "no goal: give x,y"),
         (["1,1", "--start", "0.02,1"], "start 0.02,1: the robot does not fit there"),
         (["1,1", "--start", "-9,-9"], "start -9,-9 is outside the map"),
@@ -170,6 +239,11 @@ def test_wrong_usage_is_one_line_and_exit_code_2(room, tmp_path, monkeypatch, ca
     assert message in said
     assert len(said.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_slam_needs_a_world(capsys):
+    assert run(["navigate", "1,1", "--slam", "gmapping", "--start", "0,0"]) == 2
+    assert "--slam gmapping: say where: --world WORLD" in capsys.readouterr().err
 
 
 def test_a_map_without_room_is_refused(tmp_path, capsys):

@@ -27,7 +27,7 @@ def filter_of(grid: OccupancyGrid, seed: int = 0, **settings) -> Amcl:
 
 
 def drive(amcl: Amcl, poses, *, T_odom_map=(0.5, -2.0, 0.8), noise: float = 0.02, seed: int = 0, mount=MOUNT):
-    """Give scans along true poses with noisy odometry; return errors in metres and radians at each."""
+    """Give scans along true poses with noisy odometry; return errors in metres and radians at each, and the last odometry."""
     rng = np.random.default_rng(seed)
     steps = se2.between(poses[:-1], poses[1:])
     steps = steps * (1.0 + rng.normal(0.0, noise, steps.shape))
@@ -37,13 +37,13 @@ def drive(amcl: Amcl, poses, *, T_odom_map=(0.5, -2.0, 0.8), noise: float = 0.02
         amcl.update(odom[k], scan_at(furnished_room(), pose, 0.5 * k, mount=mount), mount)
         apart.append(se2.between(pose, amcl.pose))
     apart = np.array(apart)
-    return np.hypot(apart[:, 0], apart[:, 1]), np.abs(apart[:, 2])
+    return np.hypot(apart[:, 0], apart[:, 1]), np.abs(apart[:, 2]), odom[-1]
 
 
 def test_the_pose_is_followed():
     amcl, way = filter_of(furnished_room()), round_trip()
     amcl.set_pose(way[0])
-    metres, turns = drive(amcl, way)
+    metres, turns, _ = drive(amcl, way)
     assert metres[10:].max() < 0.08
     assert turns[10:].max() < math.radians(2.0)
     np.testing.assert_allclose(se2.compose(amcl.T_map_odom, amcl._pose_odom), amcl.pose, atol=1e-12)
@@ -59,7 +59,7 @@ def test_amcl_as_it_was_follows_too(model, motion):
     settings = {"laser_model_type": model, "odom_model_type": motion, "odom_alpha1": 0.02, "odom_alpha5": 0.02}
     amcl, way = filter_of(furnished_room(), **ORIGINAL, **settings), round_trip(40)
     amcl.set_pose(way[0], np.diag([0.02, 0.02, 0.01]))
-    metres, turns = drive(amcl, way)
+    metres, turns, _ = drive(amcl, way)
     assert metres[15:].mean() < 0.15
     assert turns[15:].mean() < math.radians(5.0)
 
@@ -81,7 +81,7 @@ def test_the_same_seed_gives_the_same_and_another_does_not():
 def test_a_bad_start_is_mended():
     amcl, way = filter_of(furnished_room()), round_trip()
     amcl.set_pose(se2.compose(way[0], [0.7, -0.7, math.radians(30)]))
-    metres, _ = drive(amcl, way)
+    metres, _, _ = drive(amcl, way)
     assert metres[-20:].max() < 0.1
 
 
@@ -90,20 +90,23 @@ def test_the_robot_is_found_anywhere(seed):
     amcl, way = filter_of(furnished_room(), seed), round_trip(30)
     amcl.scatter()
     assert np.ptp(amcl.particles[:, 0]) > 6.0
-    metres, _ = drive(amcl, way)
+    metres, _, _ = drive(amcl, way)
     assert metres[-10:].max() < 0.1
     assert amcl.estimate.best.weight > 0.8
 
 
 def test_a_kidnapped_robot_is_found_again():
-    grid, way = furnished_room(), round_trip(30)
-    elsewhere = np.column_stack([np.linspace(5.0, 6.0, 30), np.full(30, 1.0), np.full(30, 0.5)])
-    amcl = filter_of(grid)
+    grid, way = furnished_room(), round_trip(40)
+    elsewhere = np.column_stack([np.linspace(5.0, 6.3, 40), np.full(40, 0.5), np.full(40, 0.5)])
+    elsewhere[:, 1] += np.linspace(0.0, 2.5, 40)
+    amcl = filter_of(grid, update_min_d=0.05)
     amcl.set_pose(way[0])
-    for poses in (way, elsewhere):
-        for k, pose in enumerate(poses):
-            amcl.update(se2.compose([3.0, 1.0, 0.0], [0.3 * k, 0.0, 0.0]) if poses is way else [0.25 * k, 9.0, 0.0], scan_at(grid, pose, k), MOUNT)  # fmt: skip
-    assert np.hypot(*(amcl.pose - elsewhere[-1])[:2]) < 0.4
+    odom = drive(amcl, way)[2]
+    for k, odom_base in enumerate(se2.compose(odom, se2.between(elsewhere[0], elsewhere))):
+        amcl.update(odom_base, scan_at(grid, elsewhere[k], 100 + 0.5 * k), MOUNT)
+        if k == 0:
+            assert np.hypot(*(amcl.pose - elsewhere[k])[:2]) > 2.0
+    assert np.hypot(*(amcl.pose - elsewhere[-1])[:2]) < 0.1
 
 
 def test_scans_are_used_after_enough_motion_only():

@@ -13,8 +13,9 @@ from scipy import ndimage
 
 from slamcli.grids import OccupancyGrid
 from slamcli.navigation import _frontier_kernels as kernels
+from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.explore_parameters import ExploreParameters
-from slamcli.navigation.frontiers import FrontierSearch, costs_of_map
+from slamcli.navigation.frontiers import FrontierSearch, costs_for_exploring, costs_of_map
 
 pytestmark = pytest.mark.kernels
 
@@ -137,6 +138,27 @@ def test_frames_and_sizes_of_cells():
 def test_costs_of_a_map():
     grid = OccupancyGrid(np.array([[0, 100, -1], [64, 65, 10]], np.int8), 0.05)
     assert costs_of_map(grid).tolist() == [[0, 254, 255], [0, 254, 0]]
+
+
+def window(costs, origin, resolution_m=0.5):
+    return CostWindow(
+        costs=costs, origin_m=origin, resolution_m=resolution_m, frame="map", footprint=np.zeros((3, 2)),
+        inscribed_radius_m=0.1, circumscribed_radius_m=0.2,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1e-9, math.pi / 2])
+def test_what_the_map_does_not_know_is_unknown(yaw):
+    costs = np.array([[0, 0, 0, 254], [253, 253, 60, 0]], np.uint8)
+    known = {(0, 0), (1, 0), (1, 2)}
+    cells = np.full((2, 3), -1, np.int8)
+    for cell in known:
+        cells[cell] = 0
+    grid = OccupancyGrid(cells, 0.5, (1.0, 1.0, yaw))
+    if yaw > 1.0:
+        grid = OccupancyGrid(np.ascontiguousarray(cells[::-1].T), 0.5, (1.0, 2.0, -yaw))
+    found = costs_for_exploring(window(costs, (1.0, 1.0)), grid)
+    assert found.tolist() == [[0, 255, 255, 254], [253, 255, 60, 255]]
 
 
 def test_room_is_kept_and_shapes_may_change():

@@ -10,7 +10,7 @@ from drive_loop import Site, rooms
 from slamcli.formats.maps import read_map
 from slamcli.native.ros_yaml import read_ros_yaml
 from slamcli.navigation.dwa import DwaPlanner
-from slamcli.navigation.dwa_parameters import AS_DWAPLANNERROS, read_dwa
+from slamcli.navigation.dwa_parameters import read_dwa
 from slamcli.navigation.local_planner import LocalPlanner
 from slamcli.navigation.pursuit import RegulatedPurePursuit
 from slamcli.navigation.pursuit_parameters import PursuitParameters
@@ -32,7 +32,7 @@ def planner(name: str) -> LocalPlanner:
 @pytest.mark.parametrize("fov", [360.0, 180.0])
 def test_reaches_goals_among_rooms_and_pillars(name: str, tolerance: float, fov: float) -> None:
     site = Site(rooms(0))
-    for i, (start, goal) in enumerate(site.pairs(3, seed=int(fov))):
+    for i, (start, goal) in enumerate(site.pairs(2, seed=int(fov))):
         drive = site.drive(planner(name), start, goal, seed=i, fov_deg=fov)
         assert drive.reached, (start, goal, drive)
         assert drive.collisions == 0
@@ -45,15 +45,6 @@ def test_the_same_drive_twice() -> None:
     start, goal = site.pairs(1, seed=3)[0]
     first, second = (site.drive(planner("dwa"), start, goal, seed=5) for _ in range(2))
     assert first == second
-
-
-def test_dwaplannerros_backs_up_where_the_extensions_turn() -> None:
-    site = Site(rooms(0))
-    literal = DwaPlanner(read_dwa(MISSION | AS_DWAPLANNERROS))
-    start, goal = site.pairs(3, seed=360)[0]
-    plain, own = site.drive(literal, start, goal, seed=0), site.drive(planner("dwa"), start, goal, seed=0)
-    assert own.reached
-    assert own.time_s <= plain.time_s + 1.0
 
 
 @pytest.mark.real_data

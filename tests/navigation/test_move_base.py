@@ -61,7 +61,8 @@ class ScriptedRecovery:
         return None if self.left < 0 else np.array([0.0, 0.0, 0.4])
 
 
-COSTMAPS = SimpleNamespace(local=SimpleNamespace(window=lambda: None), world=SimpleNamespace(window=lambda: None))
+COSTMAP = SimpleNamespace(window=lambda: None, out_of_date=lambda time_s: ())
+COSTMAPS = SimpleNamespace(local=COSTMAP, world=COSTMAP)
 
 
 def state_at(now, x=0.0):
@@ -192,7 +193,9 @@ def test_a_cancelled_goal_stops_the_robot():
 
 def test_after_move_slow_and_clear_commands_are_scaled_for_a_stretch():
     cleared = []
-    costmap = SimpleNamespace(window=lambda: None, clear_inside=lambda *a: cleared.append(a))
+    costmap = SimpleNamespace(
+        window=lambda: None, out_of_date=lambda time_s: (), clear_inside=lambda *a: cleared.append(a)
+    )
     costmaps = SimpleNamespace(local=costmap, world=costmap)
     slow = MoveSlowAndClear("move_slow_and_clear", costmaps, RecoveryParameters(limited_trans_speed=0.1))
     planner = ScriptedPlanner(fails=lambda now: now < 1.5)
@@ -204,3 +207,14 @@ def test_after_move_slow_and_clear_commands_are_scaled_for_a_stretch():
     moving = [cycle.twist for _, cycle in cycles if cycle.twist[0] > 0]
     np.testing.assert_allclose(moving[0], [0.1, 0.0, 0.1 / 3.0])
     np.testing.assert_allclose(moving[-1], [0.3, 0.0, 0.1])
+
+
+def test_who_hears_nothing_from_its_sensors_stands_still():
+    late = SimpleNamespace(window=lambda: None, out_of_date=lambda now: ("scan",) if 0.5 <= now < 1.0 else ())
+    planner, controller = ScriptedPlanner(), ScriptedController(reached=lambda now: now >= 2.0)
+    machine = MoveBase(MoveBaseParameters(), SimpleNamespace(local=late, world=late), planner, controller, [])
+    cycles = run(machine, planner, 10.0)
+    assert machine.phase is Phase.SUCCEEDED
+    still = [now for now, cycle in cycles[:-1] if not cycle.twist.any()]
+    np.testing.assert_allclose(still, np.arange(0.5, 1.0 - 1e-9, PERIOD_S))
+    assert any(cycle.message == "no news from scan: the local costmap is out of date" for _, cycle in cycles)

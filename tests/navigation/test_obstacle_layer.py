@@ -7,11 +7,13 @@ import naive_layers as naive
 import numpy as np
 import pytest
 
+from slamcli.measurements.laser import LaserScan
 from slamcli.navigation.cell_bounds import Extent
 from slamcli.navigation.layered_parameters import LayerParameters
 from slamcli.navigation.observation import Observation
 from slamcli.navigation.obstacle_layer import ObstacleLayer
 from slamcli.navigation.obstacle_parameters import ObservationSource, ObstacleParameters
+from slamcli.navigation.scan_observation import observe_scan
 
 pytestmark = pytest.mark.kernels
 
@@ -94,3 +96,32 @@ def test_another_resolution_forgets_and_another_corner_keeps() -> None:
 def test_unknown_of_the_layer_alone() -> None:
     assert layer(default=0, track_unknown_space=True).costs.min() == 255
     assert layer(default=255, track_unknown_space=False).costs.max() == 0
+
+
+@pytest.mark.parametrize("limit", [3.0, math.inf, math.nan, -1.0])
+def test_scans_equal_the_naive_twin(limit: float) -> None:
+    random = np.random.default_rng(8)
+    ranges = random.uniform(-0.5, 4.0, 200).astype(np.float32)
+    ranges[::17], ranges[5::23], ranges[9::41] = math.inf, math.nan, -math.inf
+    scan = LaserScan(
+        stamp_ns=0,
+        frame_id="laser",
+        angle_min_rad=-2.0,
+        angle_increment_rad=0.02,
+        range_min_m=0.2,
+        range_max_m=limit,
+        ranges_m=ranges,
+    )
+    for valid in (None, True, False):
+        found = observe_scan(scan, np.array([1.0, -2.0, 0.7]), ObservationSource(inf_is_valid=valid), 1.0, 0.3)
+        points, nothing = [], []
+        far = limit if limit > 0 else math.inf
+        for k, reading in enumerate(ranges.astype(float)):
+            angle = -2.0 + 0.02 * k + 0.7
+            if 0.2 <= reading < far:
+                points.append([1.0 + reading * math.cos(angle), -2.0 + reading * math.sin(angle), 0.3])
+            elif reading >= far and far < math.inf and valid is not False:
+                reach = far - 1e-4
+                nothing.append([1.0 + reach * math.cos(angle), -2.0 + reach * math.sin(angle), 0.3])
+        np.testing.assert_allclose(found.points, np.reshape(points, (-1, 3)), atol=1e-12)
+        np.testing.assert_allclose(found.clear_points, np.reshape(nothing, (-1, 3)), atol=1e-12)

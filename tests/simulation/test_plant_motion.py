@@ -111,7 +111,8 @@ def test_backward_has_its_own_limit():
 
 def test_time_passes_the_same_in_long_and_short_steps():
     settings = {"slip.rate": 30.0, "slip.drift": 0.05, "people.count": 3}
-    long, short = plant(settings, seed=3), plant(settings, seed=3)
+    small = World(name="small", segments=HALL.segments / 12)
+    long, short = plant(settings, seed=3, world=small), plant(settings, seed=3, world=small)
     for _ in range(20):
         for robot in (long, short):
             robot.command(np.array([0.5, 0.0, 0.4]))

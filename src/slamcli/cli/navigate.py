@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _DEFAULTS = {"global_planner": "navfn", "dwa_scaling": "noetic", "localization": "amcl", "people": 0, "seed": 0}
 _FLAGS = {
-    "config_files": "--config", "sets": "--set", "timeout_s": "--timeout", "world": "--world", "local_planner": "--local-planner",
+    "config_files": "--config", "sets": "--set", "slam": "--slam", "slam_sets": "--slam-set", "timeout_s": "--timeout", "world": "--world", "local_planner": "--local-planner",
     "global_planner": "--global-planner", "dwa_scaling": "--dwa-scaling", "localization": "--localization", "people": "--people",
     "seed": "--seed",
 }  # fmt: skip
@@ -45,12 +45,18 @@ class NavigateCommand(PointsCommand):
 
 @click.command(cls=NavigateCommand)
 @click.argument("goals", nargs=-1, metavar="[GOAL]...")
-@click.option("--map", "map_path", type=click.Path(path_type=Path), required=True, metavar="FILE", help="The map that the robot knows (its YAML).")  # fmt: skip
-@click.option("--start", metavar="X,Y[,YAW]", help="Where the robot stands at first: metres and radians, in the map.")
+@click.option("--map", "map_path", type=click.Path(path_type=Path), metavar="FILE", help="The map that the robot knows (its YAML).")  # fmt: skip
+@click.option("--slam", type=click.Choice(["gmapping", "cartographer"]), help="Make the map on the way instead; needs --world.")  # fmt: skip
+@click.option(
+    "--start",
+    metavar="X,Y[,YAW]",
+    help="Where the robot stands at first: metres and radians, in the map (default: the world's own).",
+)
 @click.option("--mission", "mission_path", type=click.Path(path_type=Path), metavar="FILE", help="Goals from a YAML file: poses, names, waits, rounds.")  # fmt: skip
 @click.option("--world", metavar="WORLD", help="Simulate another world than the map shows: a world file, a map.yaml or a built-in name.")  # fmt: skip
-@click.option("--config", "config_files", multiple=True, type=click.Path(path_type=Path), metavar="FILE", help="Launch or parameter file of move_base and AMCL; any number, later wins. Default: move_base.launch.")  # fmt: skip
+@click.option("--config", "config_files", multiple=True, type=click.Path(path_type=Path), metavar="FILE", help="Launch or parameter file of move_base and AMCL (with --slam also of the system that maps); any number, later wins. Default: move_base.launch.")  # fmt: skip
 @click.option("--set", "sets", multiple=True, metavar="KEY=VALUE", help="One parameter: DWAPlannerROS/max_vel_x=0.4, amcl/min_particles=200, laser.beams=720.")  # fmt: skip
+@click.option("--slam-set", "slam_sets", multiple=True, metavar="KEY=VALUE", help="One parameter of the system that maps, by its native name.")  # fmt: skip
 @click.option("--arg", "arguments", multiple=True, metavar="NAME=VALUE", help="Argument of a launch file.")
 @click.option("--local-planner", type=click.Choice(["dwa", "teb", "pursuit"]), help="Who follows the plan (default: what base_local_planner says).")  # fmt: skip
 @click.option("--global-planner", type=click.Choice(["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar"]), default=_DEFAULTS["global_planner"], show_default=True, help="Who makes it.")  # fmt: skip
@@ -66,7 +72,7 @@ class NavigateCommand(PointsCommand):
 @json_option
 @verbosity_options
 def command(
-    goals: tuple[str, ...], map_path: Path, start: str | None, mission_path: Path | None, arguments: tuple[str, ...],
+    goals: tuple[str, ...], map_path: Path | None, start: str | None, mission_path: Path | None, arguments: tuple[str, ...],
     verbosity: int, as_json: bool, **options: Any,
 ) -> int:  # fmt: skip
     """Drive a simulated robot to each GOAL (x,y or x,y,yaw; metres, radians): map server, AMCL, costmaps, planners, move_base.
@@ -75,13 +81,15 @@ def command(
     slamcli navigate 3.0,2.0 --map map.yaml --start 0,0,0
     slamcli navigate 3,2,1.57 -1.5,2 --map map.yaml --start 0,0,0 --people 5 -o tour
     slamcli navigate --mission rounds.yaml --map map.yaml --bag rounds.bag --animation rounds.gif
+    slamcli navigate 6.5,8 --slam gmapping --world office --config slam_navigation_full.launch -o unknown
     slamcli navigate 3,2 --map map.yaml --start 0,0 --local-planner teb --set TebLocalPlannerROS/max_vel_x=0.4
 
     Exit codes: 0 every goal was reached, 1 one was not and the message says why, 2 wrong usage or input.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
     from slamcli.pipelines.mission import waypoints_of
-    from slamcli.pipelines.navigate_run import NavigateRequest, require_all_reached, run_navigation
+    from slamcli.pipelines.navigate_request import NavigateRequest
+    from slamcli.pipelines.navigate_run import require_all_reached, run_navigation
 
     mission = _mission(mission_path, goals)
     points = [parse_point("goal", goal) for goal in goals]
@@ -120,12 +128,10 @@ def _mission(path: Path | None, goals: tuple[str, ...]) -> Mission | None:
     return read_mission(path)
 
 
-def _start(text: str | None, mission: Mission | None) -> tuple[float, ...]:
+def _start(text: str | None, mission: Mission | None) -> tuple[float, ...] | None:
     if text is not None:
         return parse_point("--start", text)
-    if mission is not None and mission.start is not None:
-        return mission.start
-    raise UsageError("where does the robot stand? give --start X,Y,YAW (metres, radians)")
+    return None if mission is None else mission.start
 
 
 def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
@@ -139,11 +145,12 @@ def _pairs(texts: tuple[str, ...]) -> dict[str, str]:
 
 
 def _command_line(
-    goals: tuple[str, ...], map_path: Path, start: tuple[float, ...], mission: Path | None, arguments: dict[str, str],
+    goals: tuple[str, ...], map_path: Path | None, start: tuple[float, ...] | None, mission: Path | None, arguments: dict[str, str],
     options: dict[str, Any],
 ) -> str:  # fmt: skip
     """Return the command that makes this run again: without what only says where results go."""
-    words = ["slamcli", "navigate", *goals, "--map", map_path.name, "--start", ",".join(f"{v:g}" for v in start)]
+    words = ["slamcli", "navigate", *goals] + ([] if map_path is None else ["--map", map_path.name])
+    words += [] if start is None else ["--start", ",".join(f"{v:g}" for v in start)]
     words += ["--mission", mission.name] if mission is not None else []
     for name, flag in _FLAGS.items():
         value = options[name]

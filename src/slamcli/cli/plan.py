@@ -37,10 +37,10 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--map", "map_path", type=click.Path(), required=True, metavar="FILE", help="The map's YAML.")
 @click.option(
     "--planner",
-    type=click.Choice(["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar"]),
+    type=click.Choice(["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar", "global_planner"]),
     default="navfn",
     show_default=True,
-    help="navfn: ROS' default, smooth. dijkstra, astar: cheapest path on the 8-connected grid (both find the same cost). theta_star: any angle. hybrid_astar: drivable with a turning radius, headings and reverse.",
+    help="navfn: ROS' default, smooth. dijkstra, astar: cheapest path on the 8-connected grid (both find the same cost). theta_star: any angle. hybrid_astar: drivable with a turning radius, headings and reverse. global_planner: ROS' package of that name with its options.",
 )
 @click.option("--costmap", "costmaps", multiple=True, type=click.Path(), metavar="FILE", help="costmap_2d parameter file; any number, later ones win.")  # fmt: skip
 @click.option("--robot-radius", type=float, metavar="METRES", help="Radius of a round robot; 0 plans for a point and looks for the shortest way (no inflation).")  # fmt: skip

@@ -41,6 +41,8 @@ ROOMS = (
     "navigation.navfn",
     "navigation.obstacle_layer",
     "navigation.path_shape",
+    "navigation.potential_search",
+    "navigation.scan_observation",
     "navigation.voxel_layer",
     "navigation.shortest_path",
     "navigation.teb.band",

@@ -15,15 +15,17 @@ from slamcli.localization.likelihood_field import LocalizationMap
 from slamcli.localization.motion_model import MotionModel
 from slamcli.localization.particles import Estimate, effective_number, estimate, have_converged, resample
 from slamcli.localization.recovery import Averages, draw_near_candidates
-from slamcli.localization.refinement import fit_of, refine_pose, tells_enough
+from slamcli.localization.refinement import agreement, fit_of, refine_pose, tells_enough
 from slamcli.measurements import LaserScan
 
 _GATHERED_SHARE = 0.9
 """Of scattered particles, how many are put to where the first scan fits."""
 _UNDECIDED_SHARE, _DECIDED_WEIGHT = 0.1, 0.8
 """While no group of scattered particles has so much weight, this share goes on being drawn from the scan."""
-_LEAST_SHARE, _CLEARLY_BETTER = 0.02, 0.05
+_LEAST_SHARE, _CLEARLY_BETTER = 0.15, 0.15
 """Particles are not drawn elsewhere for less than this share, or where the scan does not fit better by so much."""
+_CONFIRMED = 2
+"""So many searches one after the other must find a better place before a robot that is followed is looked for there."""
 _MOST_VAIN = 4
 """Searches in vain double the pause between them, at most so often: people around the robot are no reason to search at each scan."""
 _SHORTEST_STEP_S, _LONGEST_STEP_S = 0.01, 0.5
@@ -209,7 +211,7 @@ class Amcl:
     def _start(self, poses: Array) -> None:
         self._poses, self._weights = poses, np.full(len(poses), 1.0 / len(poses))
         self._averages.clear()
-        self._fit, self._pause, self._vain = 0.0, 0, 0
+        self._fit, self._pause, self._vain, self._promising = 0.0, 0, 0, 0
         self._filtered_odom, self._num_used, self._scattered = None, 0, False
         self._tell()
 
@@ -240,14 +242,20 @@ class Amcl:
             return share, self._laser.map.random_poses(p.max_particles if share > 0.0 else 0, self._rng)
         share = max(share, _UNDECIDED_SHARE) if self._scattered else share
         if share < _LEAST_SHARE:
-            self._pause = self._vain = 0
+            self._pause = self._vain = self._promising = 0
         self._pause = max(self._pause - 1, 0)
         if share < _LEAST_SHARE or self._pause or not tells_enough(points):
             return 0.0, np.empty((0, 3))
-        better_than = 0.0 if self._scattered else self._fit + _CLEARLY_BETTER
-        others = draw_near_candidates(self._laser.map, points, better_than, p, self._rng)
+        better_than, map_ = 0.0, self._laser.map
+        if not self._scattered:
+            here = agreement(map_, points, self.pose[None], np.array([self._fit]))
+            better_than = float(here[0]) + _CLEARLY_BETTER
+        others = draw_near_candidates(map_, points, better_than, p, self._rng)
         self._vain = 0 if len(others) else min(self._vain + 1, _MOST_VAIN)
         self._pause = 2**self._vain - 1
+        self._promising = self._promising + 1 if len(others) else 0
+        if not self._scattered and self._promising < _CONFIRMED:
+            return 0.0, others[:0]
         return share, others
 
     def _gather(self, points: Array) -> None:

@@ -11,7 +11,7 @@ from slamcli.localization.likelihood_field import LocalizationMap
 from slamcli.localization.refinement import find_candidates
 
 _SHARPNESS = 8.0
-"""A candidate is drawn in proportion to this power of its fit."""
+"""A candidate is drawn in proportion to this power of its agreement."""
 _SPREAD = np.array([0.1, 0.1, 0.05])
 """Standard deviations, metres and radians, of particles about a candidate."""
 
@@ -53,7 +53,7 @@ def draw_near_candidates(
     points
         float64 (M, 2), the scan's readings seen from the robot.
     better_than
-        Fit from 0 to 1 that a pose must exceed.
+        `slamcli.localization.refinement.agreement` that a pose must exceed, at least 0.
     parameters
         Of the filter.
     rng
@@ -65,7 +65,8 @@ def draw_near_candidates(
     proposal; here from a search, not from a table of densities).
     """
     candidates, fits = find_candidates(map_, points, parameters.proposal_candidates, rng)
-    candidates, fits = candidates[fits > better_than], fits[fits > better_than]
+    better = fits > max(better_than, 0.0)
+    candidates, fits = candidates[better], fits[better]
     if not len(candidates):
         return np.empty((0, 3))
     likely = fits**_SHARPNESS

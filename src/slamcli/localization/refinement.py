@@ -15,18 +15,22 @@ from slamcli.localization import _weight_kernels as weight_kernels
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.localization.likelihood_field import LocalizationMap
 
-_NOISE_M = 0.1
+_NOISE_M = 0.3
 """Standard deviation of one reading about a wall of the map; more than the scanner's, for neighbours err alike."""
 _COARSE_M, _FINE_M = 0.4, 0.15
 """Readings much farther from walls than this pull less and less, far from the answer and close to it."""
+_COARSE_CELLS, _FINE_CELLS, _SPARE_CELLS = 2.0, 1.0, 2.0
+"""At least so many cells: what beams meet is the edge of a cell, and distances are to its centre."""
 _ITERATIONS = 10
-_FARTHEST = 25.0
-"""Squared Mahalanobis distance that a refined pose may lie from what the particles say (5 standard deviations)."""
+_FARTHEST, _PER_DISTANCE = 4.0, 0.02
+"""Squared Mahalanobis distance that a refined pose may lie from what the particles say; so much fit weighs one unit of it up."""
 _LEAST_VARIANCE = np.array([1e-4, 1e-4, 3e-5])
 _FEWEST_POINTS = 10
 _TRIED, _KEPT = 200, 30
 _LOOSE = np.diag([4.0, 4.0, 33.0])
 """Holds a candidate to within about half a metre and ten degrees of where it was drawn."""
+_SPARE_M = 0.3
+"""A wall so close to the end of a beam is the one that it met."""
 _APART_M, _APART_RAD = 0.3, 0.2
 """Candidates closer than both count as one."""
 
@@ -51,7 +55,18 @@ def tells_enough(points: Array) -> bool:
 def fit_of(map_: LocalizationMap, points: Array, pose: Array) -> float:
     """Return how well points (M, 2) lie on walls seen from a pose (3,), 0 to 1."""
     at = pose.copy()
-    return float(_refine(map_, points, pose, np.zeros((3, 3)), _FINE_M, 0, at))
+    return _refine(map_, points, pose, np.zeros((3, 3)), _scales(map_)[1], 0, at)
+
+
+def agreement(map_: LocalizationMap, points: Array, poses: Array, fits: Array) -> Array:
+    """Return how well `poses` (N, 3) explain points (M, 2), at most 1: their `fits` (N,) less the share of beams that pass through walls.
+
+    Ends of beams alone would be explained by many a wrong place, where the beams pass through walls.
+    """
+    blocked = np.empty(len(poses))
+    spare = max(_SPARE_M, _SPARE_CELLS * map_.grid.resolution_m)
+    kernels.blocked_shares(points, np.ascontiguousarray(poses), map_.frame, map_.distances, spare, blocked)
+    return np.asarray(fits - blocked)
 
 
 def refine_pose(
@@ -77,20 +92,24 @@ def refine_pose(
     """
     information = np.asarray(np.linalg.inv(covariance + np.diag(_LEAST_VARIANCE)), dtype=np.float64)
     best: Refined | None = None
+    least = -np.inf
     for start in starts:
         pose = start.copy()
-        _refine(map_, points, mean, information, _COARSE_M, _ITERATIONS, pose)
-        fit = _refine(map_, points, mean, information, _FINE_M, _ITERATIONS, pose)
+        fit = 0.0
+        for scale in _scales(map_):
+            fit = _refine(map_, points, mean, information, scale, _ITERATIONS, pose)
         pose[2] = float(se2.wrap_angle(pose[2]))
         apart = pose - mean
         apart[2] = float(se2.wrap_angle(apart[2]))
-        if apart @ information @ apart <= _FARTHEST and (best is None or fit > best.fit):
-            best = Refined(pose, fit)
+        far = float(apart @ information @ apart)
+        score = fit - _PER_DISTANCE * far
+        if far <= _FARTHEST and score > least:
+            best, least = Refined(pose, fit), score
     return best
 
 
 def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return poses (K, 3) all over the map at which a scan lies best on the walls, and their fits (K,), best first.
+    """Return poses (K, 3) all over the map at which a scan lies best on the walls, and their `agreement` (K,), best first.
 
     Of `num` poses drawn over the free cells the best are refined; those that come out together count once.
     """
@@ -100,7 +119,7 @@ def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.rand
     weight_kernels.field_cubes(poses, coarse, map_.frame, map_.field, map_.far, 0.0, likely)
     found = poses[np.argsort(-likely, kind="stable")[:_TRIED]]
     fits = np.empty(len(found))
-    for scale in (_COARSE_M, _FINE_M):
+    for scale in _scales(map_):
         kernels.refine_each(points, found, _LOOSE, map_.frame, map_.distances, _NOISE_M, scale, _ITERATIONS, fits)
     found[:, 2] = se2.wrap_angle(found[:, 2])
     chosen: list[int] = []
@@ -109,7 +128,15 @@ def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.rand
         near = (np.hypot(apart[:, 0], apart[:, 1]) < _APART_M) & (np.abs(se2.wrap_angle(apart[:, 2])) < _APART_RAD)
         if len(chosen) < _KEPT and not near.any() and map_.is_free(found[n, :2]):
             chosen.append(int(n))
-    return found[chosen], fits[chosen]
+    agreements = agreement(map_, points, found[chosen], fits[chosen])
+    order = np.argsort(-agreements, kind="stable")
+    return found[chosen][order], agreements[order]
+
+
+def _scales(map_: LocalizationMap) -> tuple[float, float]:
+    """Return the wide and the narrow look, metres."""
+    cell = map_.grid.resolution_m
+    return max(_COARSE_M, _COARSE_CELLS * cell), max(_FINE_M, _FINE_CELLS * cell)
 
 
 def _refine(

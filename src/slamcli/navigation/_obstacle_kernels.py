@@ -98,6 +98,31 @@ def mark_points(costs, origin, points, corner, resolution, most_m, least_m, low_
 
 
 @njit(cache=True, nogil=True)
+def project_scan(ranges, first_rad, step_rad, pose, near_m, limit_m, height_m, valid, points, nothing):
+    """Write the ends of a scan's beams to `points` (N, 3), and of those that met nothing to `nothing` (N, 3) if that is `valid`.
+
+    `ranges` (N,) float32, metres; `pose` (3,) of the scanner. Return how many there are of both.
+    """
+    met, clear = 0, 0
+    for k in range(len(ranges)):
+        distance = float(ranges[k])
+        if near_m <= distance < limit_m:
+            out, row = points, met
+            met += 1
+        elif valid and distance >= limit_m:
+            out, row = nothing, clear
+            distance = limit_m - 1e-4
+            clear += 1
+        else:
+            continue
+        angle = first_rad + k * step_rad + pose[2]
+        out[row, 0] = pose[0] + distance * math.cos(angle)
+        out[row, 1] = pose[1] + distance * math.sin(angle)
+        out[row, 2] = height_m
+    return met, clear
+
+
+@njit(cache=True, nogil=True)
 def outline_cells(polygon, pose, corner, resolution, height, width, cells):
     """Write to `cells` (N, 2) the rows and columns of the corners of `polygon` (N, 2), base frame, with the robot at `pose` (3,).
 

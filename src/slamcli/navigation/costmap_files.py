@@ -91,7 +91,7 @@ class _Reader:
             self._take_planner(parts[1], value, source)
         elif head == "local_costmap":
             self._ignore("local_costmap", "configures the local costmap, which planning on a map does not have")
-        elif parts[0] in ("plugins", "layers", "lethal_cost") or parts[-1] == "plugin":
+        elif parts[0] in ("plugins", "layers") or parts[-1] == "plugin":
             self._ignore(parts[-1], "the layers here are always the static layer and inflation")
         elif head in self._layers and len(parts) > 1:
             self._take_layer(self._layers[head], parts[1:], value, source)

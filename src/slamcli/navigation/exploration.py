@@ -69,7 +69,7 @@ class Exploration:
     after `reached` or `failed`. The goal is the cheapest frontier; the one that is driven to stays unless another is
     cheaper by ``goal_hysteresis``. Goals that fail, or that the robot does not come nearer to for ``progress_timeout``, go on the
     blacklist, and so do frontiers that are still there ``visit_patience`` after the robot has been at their goal. When
-    only those are left the blacklist is forgotten ``blacklist_retries`` times; then the robot drives home.
+    nothing else is left those that failed are tried again, ``blacklist_retries`` times; then the robot drives home.
     """
 
     def __init__(self, parameters: ExploreParameters, home: NDArray[np.float64]) -> None:
@@ -80,6 +80,7 @@ class Exploration:
         self._pursuit: _Pursuit | None = None
         self._sent: NDArray[np.float64] | None = None
         self._blacklist: list[NDArray[np.float64]] = []
+        self._exhausted: list[NDArray[np.float64]] = []
         self._visited: list[tuple[NDArray[np.float64], float]] = []
         self._retries = parameters.blacklist_retries
         self._frontiers: tuple[Frontier, ...] = ()
@@ -93,8 +94,8 @@ class Exploration:
 
     @property
     def blacklist(self) -> tuple[NDArray[np.float64], ...]:
-        """Goals, float64 (3,) each, that are not tried any more."""
-        return tuple(self._blacklist)
+        """Goals, float64 (3,) each, that are not tried any more: those that failed, then those that showed nothing."""
+        return (*self._blacklist, *self._exhausted)
 
     def step(
         self,
@@ -109,7 +110,7 @@ class Exploration:
         Parameters
         ----------
         costs, origin_m, resolution_m
-            The map so far, see `FrontierSearch.find`: those of the global costmap's `CostWindow`, or `costs_of_map`.
+            The map so far, see `FrontierSearch.find`: `costs_for_exploring` makes it of the global costmap.
         pose
             float64 (3,), of the robot in the map frame.
         time_s
@@ -162,17 +163,17 @@ class Exploration:
         """Take the best of the frontiers that are not out of the question."""
         allowed = [one for one in self._frontiers if not self._is_blacklisted(one.goal)]
         late = [one for one in allowed if self._is_stale(one.goal, time_s)]
-        self._blacklist += [one.goal for one in late]
+        self._exhausted += [one.goal for one in late]
         candidates = [one for one in allowed if self._visit_of(one.goal) is None]
         if candidates:
             self._phase = Phase.EXPLORING
             self._pursue(self._preferred(candidates), pose, time_s)
         elif len(allowed) > len(late):  # the robot has just been there
             self._phase, self._pursuit, self._sent = Phase.WAITING, None, None
-        elif self._frontiers and self._retries > 0:
+        elif self._retries > 0 and any(self._has_failed(one.goal) for one in self._frontiers):
             self._retries -= 1
-            self._said.append(f"trying {len(self._frontiers)} frontiers once more")
-            self._blacklist, self._visited = [], []
+            self._said.append("trying once more what failed")
+            self._blacklist = []
             self._choose(pose, time_s)
         else:
             self._finish()
@@ -225,7 +226,12 @@ class Exploration:
         )  # fmt: skip
 
     def _is_blacklisted(self, goal: NDArray[np.float64]) -> bool:
-        return any(self._is_near(goal, other) for other in self._blacklist)
+        return any(self._is_near(goal, other) for other in self.blacklist)
+
+    def _has_failed(self, goal: NDArray[np.float64]) -> bool:
+        """Whether a goal is on the blacklist only because it, or one beside it, failed."""
+        exhausted = any(self._is_near(goal, other) for other in self._exhausted)
+        return not exhausted and any(self._is_near(goal, other) for other in self._blacklist)
 
     def _visit_of(self, goal: NDArray[np.float64]) -> float | None:
         """Return when the robot was first at a goal; None for never."""

@@ -88,7 +88,7 @@ class ExploreParameters:
         unit="m", minimum=0.0, maximum=100.0, extension=True,
     )  # fmt: skip
     blacklist_retries: int = parameter(
-        1, "How often the blacklist is forgotten when nothing else is left (explore_lite: 0).", minimum=0, maximum=100,
+        1, "How often goals that failed are tried again when nothing else is left (explore_lite: 0).", minimum=0, maximum=100,
         extension=True,
     )  # fmt: skip
     visit_patience: float = parameter(

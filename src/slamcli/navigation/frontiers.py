@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from slamcli.grids import OccupancyGrid
 from slamcli.navigation import _frontier_kernels as kernels
+from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.explore_parameters import ExploreParameters
 
 _LETHAL = 254
@@ -71,7 +72,7 @@ class FrontierSearch:
         ----------
         costs
             uint8 (H, W): 255 unknown, 254 obstacle, 253 where the robot does not fit, below what it may cross; see
-            `CostWindow` and `costs_of_map`.
+            `costs_for_exploring` and `costs_of_map`.
         origin_m, resolution_m
             Lower left corner, x and y, and size of a cell, metres.
         pose
@@ -92,7 +93,7 @@ class FrontierSearch:
         first, room = (start[0] + 1) * width + start[1] + 1, self._room
         span = kernels.wave(flat, width, first, p.through_cost, self._reach, room)
         if p.look_in:
-            span = kernels.look_in(flat, width, p.through_cost, *span, self._reach, room[0])
+            span = kernels.look_in(flat, width, *span, self._reach, room[0])
         cells, near, firsts = room[:3]
         count = kernels.groups(flat, width, *span, self._reach, cells, near, firsts)
         view = _View(self._costs, np.array(origin_m) - resolution_m, resolution_m, pose, p, self._reach, self._seen)
@@ -109,6 +110,34 @@ class FrontierSearch:
         self._reach = np.empty(self._costs.size, np.int64)
         self._room = np.empty((8, self._costs.size), np.int64)
         self._seen = np.zeros(self._costs.size if self._parameters.gain == "visible" else 0, np.int64)
+
+
+def costs_for_exploring(window: CostWindow, grid: OccupancyGrid) -> NDArray[np.uint8]:
+    """Return the costs of a global costmap with all that is unknown on the map as unknown, uint8 (H, W).
+
+    A costmap need not track what is unknown, and inflates walls into it: then it is known that the robot does not fit
+    there, and not what is there. Obstacles that the costmap has and the map has not stay.
+
+    Parameters
+    ----------
+    window
+        Of the global costmap, in the frame of the map.
+    grid
+        The map so far; it may lie differently and have other cells. Outside of it nothing is known.
+    """
+    height, width = window.costs.shape
+    x = window.origin_m[0] + (np.arange(width) + 0.5) * window.resolution_m
+    y = window.origin_m[1] + (np.arange(height) + 0.5) * window.resolution_m
+    if grid.origin[2] == 0.0:
+        rows = grid.map_to_cell(np.column_stack([np.full(height, grid.origin[0]), y]))[:, 0]
+        columns = grid.map_to_cell(np.column_stack([x, np.full(width, grid.origin[1])]))[:, 1]
+        row, column = np.meshgrid(rows, columns, indexing="ij", sparse=True)
+    else:
+        cells = grid.map_to_cell(np.column_stack([np.tile(x, height), np.repeat(y, width)]))
+        row, column = cells[:, 0].reshape(height, width), cells[:, 1].reshape(height, width)
+    inside = (row >= 0) & (row < grid.height) & (column >= 0) & (column < grid.width)
+    known = inside & (grid.cells[row.clip(0, grid.height - 1), column.clip(0, grid.width - 1)] >= 0)
+    return np.where(known | (window.costs == _LETHAL), window.costs, np.uint8(255))
 
 
 def costs_of_map(grid: OccupancyGrid) -> NDArray[np.uint8]:

@@ -71,7 +71,7 @@ class GlobalPlanner:
     parameters
         How.
     method
-        navfn, dijkstra, astar, theta_star or hybrid_astar.
+        navfn, dijkstra, astar, theta_star, hybrid_astar or global_planner.
     """
 
     def __init__(self, costmap: Costmap, parameters: PlannerParameters | None = None, method: Method = "navfn") -> None:

@@ -145,8 +145,7 @@ class _Reader:
         return name in _COSTMAP or name in ALIASES or name in _MOVED or name in ("plugins", "observation_sources")
 
     def _top_sources(self) -> tuple[str, ...]:
-        value, _ = self._entries.get("observation_sources", ("", ""))
-        return tuple(str(value).split())
+        return _names(self._entries.get("observation_sources", ("", ""))[0])
 
     def _layers(self, notes: list[str]) -> list[_Layer]:
         """Return the layers in their order."""
@@ -275,7 +274,7 @@ class _Reader:
         return self._sensing(layer)
 
     def _sensing(self, layer: _Layer) -> LayerParameters:
-        names = tuple(str(layer.own.get("observation_sources", ("", ""))[0]).split())
+        names = _names(layer.own.get("observation_sources", ("", ""))[0])
         values: dict[str, Any] = {}
         sensed: dict[str, dict[str, tuple[Any, str]]] = {name: {} for name in names}
         for name, (value, source) in layer.own.items():
@@ -308,3 +307,8 @@ class _Reader:
             return convert(declaration, value)
         except ConfigError as error:
             raise ConfigError(f"{source}: {error}") from error
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    """Return the names in a text or a list."""
+    return tuple(str(v) for v in value) if isinstance(value, list) else tuple(str(value or "").split())

@@ -61,7 +61,7 @@ class LivePlanner:
     parameters
         How to plan.
     method
-        navfn, dijkstra, astar, theta_star or hybrid_astar.
+        navfn, dijkstra, astar, theta_star, hybrid_astar or global_planner.
     """
 
     def __init__(self, parameters: PlannerParameters | None = None, method: Method = "navfn") -> None:

@@ -115,6 +115,10 @@ class MoveBase:
             self._last_progress_s, self._progress_from = state.time_s, state.pose_odom[:2].copy()
             if self._trigger is _Trigger.OSCILLATION:
                 self._next_recovery = 0
+        late = self._costmaps.local.out_of_date(state.time_s)
+        if late:  # expected_update_rate: who does not see does not drive
+            self.message = f"no news from {', '.join(late)}: the local costmap is out of date"
+            return self._cycle(STOP)
         if self.phase is Phase.PLANNING:
             return self._plan(state)
         if self.phase is Phase.CONTROLLING:

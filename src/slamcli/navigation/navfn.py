@@ -94,7 +94,7 @@ def traversal_costs(space: SearchGrid) -> NDArray[np.uint8]:
     """Return uint8 (256,), NavFn's cost of a cell by costmap value; 254 is an obstacle."""
     value = np.arange(256)
     parameters = space.parameters
-    cost = np.minimum((parameters.neutral_cost + parameters.cost_factor * value).astype(np.int64), kernels.OBSTACLE - 1)
+    cost = np.minimum((parameters.neutral_cost + parameters.factor * value).astype(np.int64), kernels.OBSTACLE - 1)
     cost[INSCRIBED:] = kernels.OBSTACLE
     if not space.blocked[NO_INFORMATION]:
         cost[NO_INFORMATION] = kernels.OBSTACLE - 1

@@ -33,9 +33,10 @@ class ObservationBuffer:
         del self.observations[count:]
 
     def is_current(self, time_s: float) -> bool:
-        """Return whether it has been heard of within its expected time."""
+        """Return whether it has been heard of within its expected time, which begins at 0 s."""
         rate = self.source.expected_update_rate
-        return rate == 0.0 or (bool(self.observations) and time_s - self.observations[0].time_s <= rate + 1e-9)
+        last_s = self.observations[0].time_s if self.observations else 0.0
+        return rate == 0.0 or time_s - last_s <= rate + 1e-9
 
 
 class ObstacleLayer:

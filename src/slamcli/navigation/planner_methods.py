@@ -11,16 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.errors import PlanningError
-from slamcli.navigation import grid_search, hybrid_astar, navfn, path_shape, theta_star
+from slamcli.navigation import grid_search, hybrid_astar, navfn, path_shape, potential_search, theta_star
 from slamcli.navigation.grid_search import GridSearch
 from slamcli.navigation.hybrid_astar import HybridAStar
 from slamcli.navigation.navfn import NavFn
 from slamcli.navigation.path_shape import anchored, distinct, line_integral, simplify, smooth
+from slamcli.navigation.potential_search import PotentialSearch
 from slamcli.navigation.search_space import Cell, SearchGrid
 from slamcli.navigation.theta_star import ThetaStar
 
-Method = Literal["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar"]
-METHODS: tuple[Method, ...] = ("navfn", "dijkstra", "astar", "theta_star", "hybrid_astar")
+Method = Literal["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar", "global_planner"]
+METHODS: tuple[Method, ...] = ("navfn", "dijkstra", "astar", "theta_star", "hybrid_astar", "global_planner")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +94,10 @@ class Router:
             first, last = (_pose(end) for end in (start, goal))
             path = self._hybrid.find(first, last, self._footprint_cells, self._resolution_m)
             return Route(path.poses[:, 1::-1].copy(), path.cost, path.poses[:, 2].copy(), path.directions)
-        cells, cost = self._search.find(start.cell, goal.cell)
+        if isinstance(self._search, PotentialSearch):
+            cells, cost = self._search.find(start.cell, goal.cell, start.point_rc)
+        else:
+            cells, cost = self._search.find(start.cell, goal.cell)
         path_rc = line_through(self._method, self.grid, cells, start.point_rc, goal.point_rc)
         if not math.isfinite(line_integral(self.grid, path_rc)):
             raise PlanningError(f"the {self._method} path touches an obstacle: please report this map")
@@ -113,6 +117,8 @@ def make_search(method: Method, grid: SearchGrid) -> Search:
     """Return the search over cells of a method on a grid."""
     if method == "navfn":
         return NavFn(grid)
+    if method == "global_planner":
+        return PotentialSearch(grid)
     if method == "theta_star":
         return ThetaStar(grid)
     return GridSearch(grid, guided=method == "astar")
@@ -130,7 +136,7 @@ def line_through(
         path = anchored(cells_rc, start_rc, goal_rc)
     else:
         path = np.vstack([start_rc, cells_rc[1:-1], goal_rc])
-        if method == "theta_star" and not math.isfinite(line_integral(grid, path)):
+        if method in ("theta_star", "global_planner") and not math.isfinite(line_integral(grid, path)):
             # What the centres of the end cells see, the points in them need not.
             path = np.vstack([start_rc, cells_rc, goal_rc])
     path = distinct(path)
@@ -146,6 +152,11 @@ def _pose(end: RouteEnd) -> NDArray[np.float64]:
 
 def warm(method: Method) -> None:
     """Load the compiled code of one method."""
-    modules = {"navfn": navfn, "theta_star": theta_star, "hybrid_astar": hybrid_astar}
+    modules = {
+        "navfn": navfn,
+        "theta_star": theta_star,
+        "hybrid_astar": hybrid_astar,
+        "global_planner": potential_search,
+    }
     modules.get(method, grid_search).warm()
     path_shape.warm()

@@ -91,7 +91,9 @@ class RegulatedPurePursuit:
         reach = self._lookahead(float(twist[0]))
         if self.parameters.allow_reversing:
             reach = min(reach, _to_cusp(ahead))
-        for share in _SHARES if self.parameters.shorten_lookahead else _SHARES[:1]:
+        for share in _SHARES:
+            if share < 1.0 and not self._may_shorten(reach, ahead, plan, costmap):
+                break
             command, carrot = self._towards(share * reach, ahead, plan, state, costmap)
             motion = self._motion(pose, command, float(np.hypot(*carrot)), costmap)
             if not self.parameters.use_collision_detection or self._passes(command, motion, costmap):
@@ -100,6 +102,12 @@ class RegulatedPurePursuit:
             f"the robot would hit something within {self.parameters.max_allowed_time_to_collision_up_to_carrot:g} s"
             " on its way to the plan"
         )
+
+    def _may_shorten(self, reach: float, ahead: NDArray[np.float64], plan: LocalPlan, costmap: CostWindow) -> bool:
+        """Whether the plan itself is free as far as the point ahead, so that only the arc to it is not."""
+        beyond = np.flatnonzero(np.hypot(ahead[:, 0], ahead[:, 1]) >= reach)
+        end = int(beyond[0]) + 1 if len(beyond) else len(ahead)
+        return self.parameters.shorten_lookahead and not hits(costmap, plan.poses[:end], escape=True)
 
     def _towards(
         self, reach: float, ahead: NDArray[np.float64], plan: LocalPlan, state: RobotState, costmap: CostWindow

@@ -100,8 +100,8 @@ class PursuitParameters:
     )
     shorten_lookahead: bool = parameter(
         True,
-        "Where the way to the point ahead would hit something, pursue nearer ones, down to a quarter of the distance."
-        " false, as nav2: refuse.",
+        "Where the arc to the point ahead would hit something and the plan does not, pursue nearer points, down to a"
+        " quarter of the distance. false, as nav2: refuse.",
         extension=True,
     )
 

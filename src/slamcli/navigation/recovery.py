@@ -25,6 +25,9 @@ class ClearableCostmap(Protocol):
     def window(self) -> CostWindow:
         """Return what planners see."""
 
+    def out_of_date(self, time_s: float) -> tuple[str, ...]:
+        """Return the sources that have not been heard of for too long."""
+
     def clear_outside(self, pose: Array, half_width_m: float, layer_names: tuple[str, ...]) -> object:
         """Forget what the named layers hold outside a square around the robot."""
 

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from slamcli.measurements.laser import LaserScan
 from slamcli.measurements.points import PointCloud
+from slamcli.navigation import _obstacle_kernels as kernels
 from slamcli.navigation.observation import Observation
 from slamcli.navigation.obstacle_parameters import ObservationSource
-
-_JUST_BELOW_M = 1e-4
 
 
 def observe_scan(
@@ -40,30 +39,24 @@ def observe_scan(
     sensor_height_m
         Of the scanner above the ground. Outside the source's heights the scan says nothing.
     """
-    x, y, yaw = np.asarray(T_frame_laser, dtype=np.float64)
-    ranges = scan.ranges_m.astype(np.float64)
-    angles = scan.angles_rad + yaw
-    limit = scan.range_max_m if scan.range_max_m > 0.0 else np.inf
-    near = max(scan.range_min_m, 0.0) if np.isfinite(scan.range_min_m) else 0.0
-    with np.errstate(invalid="ignore"):
-        met = (ranges >= near) & (ranges < limit)
-        nothing = (ranges >= limit) | (ranges == np.inf)
-    reach = np.where(met, ranges, limit - _JUST_BELOW_M)
-    valid = source.inf_is_valid is not False and np.isfinite(limit)
-    seen = met | nothing if valid else met
-    if not source.min_obstacle_height <= sensor_height_m <= source.max_obstacle_height:
-        seen = np.zeros_like(met)
-    ends = np.empty((int(np.count_nonzero(seen)), 3))
-    ends[:, 0] = x + reach[seen] * np.cos(angles[seen])
-    ends[:, 1] = y + reach[seen] * np.sin(angles[seen])
-    ends[:, 2] = sensor_height_m
-    hit = met[seen]
+    pose = np.ascontiguousarray(T_frame_laser, dtype=np.float64)
+    limit = float(scan.range_max_m) if scan.range_max_m > 0.0 else np.inf
+    near = max(float(scan.range_min_m), 0.0) if np.isfinite(scan.range_min_m) else 0.0
+    valid = source.inf_is_valid is not False and bool(np.isfinite(limit))
+    points, nothing = np.empty((scan.num_beams, 3)), np.empty((scan.num_beams, 3))
+    met, clear = 0, 0
+    if source.min_obstacle_height <= sensor_height_m <= source.max_obstacle_height:
+        ranges = np.ascontiguousarray(scan.ranges_m, dtype=np.float32)
+        met, clear = kernels.project_scan(
+            ranges, float(scan.angle_min_rad), float(scan.angle_increment_rad), pose, near, limit, float(sensor_height_m), valid,
+            points, nothing,
+        )  # fmt: skip
     return Observation(
         source=source.name,
         time_s=time_s,
-        origin=np.array([x, y, sensor_height_m], dtype=np.float64),
-        points=ends[hit],
-        clear_points=ends[~hit],
+        origin=np.array([pose[0], pose[1], sensor_height_m], dtype=np.float64),
+        points=points[:met],
+        clear_points=nothing[:clear],
     )
 
 
@@ -102,3 +95,17 @@ def observe_cloud(
     return Observation(
         source=source.name, time_s=time_s, origin=origin, points=points[kept], clear_points=np.zeros((0, 3))
     )
+
+
+def warm() -> None:
+    """Compile the kernels of this module."""
+    scan = LaserScan(
+        stamp_ns=0,
+        frame_id="laser",
+        angle_min_rad=0.0,
+        angle_increment_rad=0.1,
+        range_min_m=0.0,
+        range_max_m=2.0,
+        ranges_m=np.ones(2, dtype=np.float32),
+    )
+    observe_scan(scan, np.zeros(3), ObservationSource(), 0.0)

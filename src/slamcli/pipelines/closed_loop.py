@@ -11,13 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.geometry import se2
+from slamcli.grids import OccupancyGrid
 from slamcli.measurements import LaserScan
+from slamcli.navigation.collision_monitor import CollisionMonitor
 from slamcli.navigation.layered_costmap import LayeredCostmap
 from slamcli.navigation.move_base import Cycle, MoveBase, Phase
+from slamcli.navigation.moving_obstacles import MovingObstacles, follow
 from slamcli.navigation.robot_state import RobotState
 from slamcli.navigation.scan_observation import observe_scan
 from slamcli.pipelines.localisers import Localiser
 from slamcli.pipelines.loop_listener import LoopListener
+from slamcli.pipelines.unexpected import WallMask
+from slamcli.recordings.scan_normalisation import turn_counter_clockwise
 from slamcli.simulation.contact import Contact
 from slamcli.simulation.plant import Plant
 
@@ -83,10 +88,13 @@ class ClosedLoop:
         costmaps: CostmapPair,
         move_base: MoveBase,
         rates: Rates,
+        monitor: CollisionMonitor,
         listeners: Sequence[LoopListener] = (),
     ) -> None:
         self.plant, self.localiser, self.costmaps, self.move_base = plant, localiser, costmaps, move_base
         self.listeners = list(listeners)
+        self._monitor, self._around = monitor, MovingObstacles.none()
+        self._walls: WallMask | None = None
         self._ticks = 0
         self._pose_odom, self._twist = np.zeros(3), np.zeros(3)
         self._drive: _DriveRecord | None = None
@@ -160,27 +168,44 @@ class ClosedLoop:
             listener.on_people(self.time_s, plant.discs())
 
     def _scan(self) -> None:
-        scan = self.plant.scan()
+        told = self.plant.scan()
+        scan = self._seen_from_above(told)
         is_new = self.localiser.on_scan(scan, self._pose_odom, self.plant.T_base_laser)
         self._observe(scan)
         for listener in self.listeners:
-            listener.on_scan(self.time_s, scan)
+            listener.on_scan(self.time_s, told)
             if is_new:
                 where = self.localiser
                 listener.on_localisation(self.time_s, where.T_map_odom, where.covariance, where.particles)
         self._take_map()
 
+    def _seen_from_above(self, scan: LaserScan) -> LaserScan:
+        """Return the scan with beams that run counter-clockwise, as everything that takes `T_base_laser` expects it."""
+        p = self.plant.parameters
+        if not p.laser_upside_down and not p.laser_clockwise:
+            return scan
+        return turn_counter_clockwise(scan, mirrored=p.laser_upside_down)
+
     def _take_map(self) -> None:
         grid = self.localiser.new_map()
         if grid is not None:
             self.costmaps.world.set_map(grid)
+            self.know_walls(grid)
             self.costmaps.local.set_map(grid)
             for listener in self.listeners:
                 listener.on_map(self.time_s, grid)
 
+    def know_walls(self, grid: OccupancyGrid) -> None:
+        """Take the map by which walls are told from people."""
+        if self._monitor.parameters.enabled:
+            self._walls = WallMask(grid)
+
     def _observe(self, scan: LaserScan) -> None:
         T_odom_laser = se2.compose(self._pose_odom, self.plant.T_base_laser)
         T_map_laser = se2.compose(self.localiser.T_map_odom, T_odom_laser)
+        if self._walls is not None:
+            unexpected = self._walls.unexpected(scan, T_map_laser, T_odom_laser)
+            self._around = follow(self._around, unexpected, self.time_s)
         for costmap, T_frame_laser in ((self.costmaps.local, T_odom_laser), (self.costmaps.world, T_map_laser)):
             for source in costmap.parameters.sources:
                 costmap.observe(observe_scan(scan, T_frame_laser, source, self.time_s, self.plant.parameters.laser_z))
@@ -200,11 +225,12 @@ class ClosedLoop:
     def _control(self) -> None:
         state = self.state
         cycle = self.move_base.step(state)
-        self.plant.command(cycle.twist)
+        twist = self._monitor.limit(cycle.twist, state.pose_odom, self._around)
+        self.plant.command(twist)
         if self._drive is not None:
             self._drive.add(cycle, state)
         for listener in self.listeners:
-            listener.on_command(self.time_s, cycle.twist)
+            listener.on_command(self.time_s, twist)
             if cycle.plan is not None:
                 listener.on_plan(self.time_s, cycle.plan)
             if cycle.local_plan is not None:

@@ -18,6 +18,7 @@ from slamcli.formats.maps import read_map
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
 from slamcli.localization.amcl import Amcl
+from slamcli.navigation.collision_monitor import CollisionMonitor
 from slamcli.navigation.costmap import INSCRIBED, LETHAL
 from slamcli.navigation.costmap_parameters import COSTMAP_2D_ROBOT_RADIUS_M
 from slamcli.navigation.endpoints import NoPathError
@@ -167,8 +168,11 @@ class Navigator:
         self.localiser = self._localised(localization, slam, grid, pose, seed, log)
         self.loop = ClosedLoop(
             self.plant, self.localiser, self.costmaps, self._move_base(global_planner, dwa_scaling),
-            self._rates(settings), listeners,
+            self._rates(settings), CollisionMonitor(config.monitor, self.costmaps.world.window().circumscribed_radius_m),
+            listeners,
         )  # fmt: skip
+        if slam is None:
+            self.loop.know_walls(grid)
         self.grid = grid
         """The map: the one that was given, or the newest of SLAM's."""
         self._maps_itself = slam is not None

@@ -6,15 +6,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from slamcli.evaluation.drive_story import DriveStory
-from slamcli.formats.maps import read_map
+from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.navigation.local_planners import LOCAL_PLANNERS
 from slamcli.parameters import Declaration, as_dict, declarations
+from slamcli.pipelines.navigate import Navigator
+from slamcli.pipelines.navigate_request import NavigateRequest, inputs_of
 from slamcli.pipelines.navigation_config import NavigationConfig
 from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
 from slamcli.reports.drive_report import drive_report
@@ -22,10 +24,6 @@ from slamcli.reports.figures import map_png
 from slamcli.runtime import RunLog
 from slamcli.simulation.simulate import MAP_FRAME, ODOM_FRAME
 from slamcli.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    from slamcli.pipelines.navigate import Navigator
-    from slamcli.pipelines.navigate_run import NavigateRequest
 
 RECORDING, FILM = "run.mcap", "run.gif"
 
@@ -50,6 +48,8 @@ def write_folder(
             picture = map_png(story.grid, trajectory=truth, start=story.truth[0], goal=goal, title=_title(request))
             (folder / "map.png").write_bytes(picture)
             names.append("map.png")
+            if request.slam is not None:
+                names += [path.name for path in write_map(folder / "map.yaml", story.grid)]
     document = {**document, "outputs": sorted([*names, "report.html", "run.json"])}
     document["timing"]["stages_s"] = {name: round(seconds, 3) for name, seconds in log.seconds.items()}
     page = drive_report(document, story, title=_title(request), declared=_declared(config))
@@ -65,7 +65,6 @@ def navigation_document(
     """Return the ``run.json`` document."""
     config, plant = robot.config, robot.plant
     parameters = _parameters(config) | {f"simulation.{name}": v for name, v in as_dict(plant.parameters).items()}
-    inputs = [request.map_path, read_map(request.map_path).image, *config.files]
     document = run_document(
         command=request.command or "navigate",
         algo=config.local_planner,
@@ -73,14 +72,15 @@ def navigation_document(
         changed={name: parameters[name] for name in config.sources if name in parameters},
         seed=request.seed,
         jobs=1,
-        inputs=describe_inputs(inputs),
+        inputs=describe_inputs([*inputs_of(request), *config.files]),
         topics=topics,
         frames={"map": MAP_FRAME, "odom": ODOM_FRAME, "base": plant.parameters.robot_base_frame},
         log=log,
         total_s=total_s,
         duration_s=robot.time_s,
         summary={
-            "map": request.map_path.name, "world": request.world, "start": list(request.start),
+            "map": None if request.map_path is None else request.map_path.name, "world": request.world, "slam": request.slam,
+            "start": story.truth[0].tolist() if len(story.truth) else None,
             "local_planner": config.local_planner, "global_planner": request.global_planner,
             "localization": request.localization, "people": request.people, **story.figures(),
         },
@@ -93,8 +93,11 @@ def navigation_document(
 
 def _title(request: NavigateRequest) -> str:
     goals = len(request.waypoints)
-    place = request.map_path.stem if request.world is None else f"{request.map_path.stem} in {Path(request.world).stem}"
-    return f"{place}: {goals} goal{'s' if goals != 1 else ''}"
+    places = [
+        p.stem for p in (request.map_path, None if request.world is None else Path(request.world)) if p is not None
+    ]
+    by = "" if request.slam is None else f" with {request.slam}"
+    return f"{' in '.join(places)}: {goals} goal{'s' if goals != 1 else ''}{by}"
 
 
 def _trajectory(story: DriveStory, poses: Any, start_ns: int) -> Trajectory:

@@ -7,59 +7,25 @@ import contextlib
 import math
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from slamcli.errors import ProcessError, UsageError
 from slamcli.evaluation.drive_story import DriveStory, Event, GoalStory
-from slamcli.navigation.global_planner import Method
 from slamcli.outputs import atomic_directory, check_directory, check_file
 from slamcli.pipelines.animation import Animation
 from slamcli.pipelines.loop_listener import LoopListener
 from slamcli.pipelines.mission import Waypoint
 from slamcli.pipelines.navigate import Arrival, Navigator
 from slamcli.pipelines.navigate_outputs import FILM, RECORDING, navigation_document, write_folder
-from slamcli.pipelines.navigation_config import load_navigation
-from slamcli.pipelines.navigation_recording import NavigationRecording, RecordingRates
+from slamcli.pipelines.navigate_request import NavigateRequest, build_robot, inputs_of
+from slamcli.pipelines.navigation_recording import NavigationRecording
+from slamcli.pipelines.robot_recording import recording_of
 from slamcli.pipelines.story_teller import StoryTeller
 from slamcli.recordings.containers import create_raw
 from slamcli.reports.film import check_film
 from slamcli.runtime import RunLog
-from slamcli.simulation import laser
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NavigateRequest:
-    """Where to drive, with what, and what to leave behind."""
-
-    waypoints: tuple[Waypoint, ...]
-    map_path: Path
-    start: tuple[float, ...]
-    """x, y and perhaps yaw (metres, radians) in map."""
-    world: str | None = None
-    """What is simulated if it is not what the map shows."""
-    config_files: tuple[Path, ...] = ()
-    sets: tuple[str, ...] = ()
-    launch_arguments: Mapping[str, str] = field(default_factory=dict)
-    local_planner: str | None = None
-    global_planner: Method = "navfn"
-    dwa_scaling: Literal["noetic", "kinetic"] = "noetic"
-    localization: Literal["amcl", "truth"] = "amcl"
-    people: int = 0
-    timeout_s: float | None = None
-    """For each way, simulated seconds; None: by its length."""
-    seed: int = 0
-    output: Path | None = None
-    """Folder for everything; None: no folder."""
-    recording: Path | None = None
-    """Where the recording goes; None: into the folder."""
-    film: Path | None = None
-    """Where the animation goes; None: into the folder."""
-    lean: bool = False
-    """Leave recording and animation out of the folder."""
-    command: str = ""
-    """The command line that asks for this, for ``run.json``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,39 +62,44 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
     """
     began = time.perf_counter()
     _check(request)
-    config = load_navigation(
-        request.config_files, request.sets, local_planner=request.local_planner, log=log, arguments=request.launch_arguments
-    )  # fmt: skip
     with log.stage("prepare"):
-        robot = Navigator(
-            request.map_path, start=request.start, config=config, world=request.world, localization=request.localization,
-            global_planner=request.global_planner, dwa_scaling=request.dwa_scaling, people=request.people, seed=request.seed,
-        )  # fmt: skip
-    teller, written = StoryTeller(), list[Path]()
+        robot = build_robot(request, log)
+    teller = StoryTeller()
     robot.listen(teller)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(atomic_directory(request.output)) if request.output is not None else None
         targets = _Targets(request, folder)
         counts: Mapping[str, int] = {}
-        animation = Animation(robot.plant.T_base_laser)
+        animation = Animation(robot.plant.T_base_laser, upside_down=robot.plant.parameters.laser_upside_down)
         if targets.film is not None:
             robot.listen(animation)
         with _recording(targets.recording, robot) as recording:
             goals, collisions = _drive(request, robot, log)
             counts = {} if recording is None else dict(sorted(recording.counts.items()))
         story = teller.story(goals, collisions)
-        if targets.film is not None:
-            with log.stage("animation"):
-                animation.write(targets.film)
+        made = [targets.recording, _filmed(animation, targets.film, log)]
         document = navigation_document(
-            request, robot, story, counts, log, total_s=time.perf_counter() - began, outputs=targets.names
-        )
+            request, robot, story, counts, log, total_s=time.perf_counter() - began,
+            outputs=[p.name for p in made if p is not None and p.parent == folder],
+        )  # fmt: skip
         if folder is not None:
-            document = write_folder(folder, request, document, story, config, log)
-    written += [p for p in (request.recording, request.film) if p is not None]
+            document = write_folder(folder, request, document, story, robot.config, log)
+    written = [p for p in made if p is not None and p.parent != folder]
     if request.output is not None:
-        written += [request.output / name for name in document["outputs"] if (request.output / name).is_file()]
+        written += [request.output / name for name in document["outputs"]]
     return NavigateOutcome(story=story, document=document, written=tuple(written))
+
+
+def _filmed(animation: Animation, target: Path | None, log: RunLog) -> Path | None:
+    """Write the animation if one is asked for and something happened; return where."""
+    if target is None:
+        return None
+    if animation.is_empty:
+        log.note("the robot did not set out: there is no animation")
+        return None
+    with log.stage("animation"):
+        animation.write(target)
+    return target
 
 
 class _Targets:
@@ -138,19 +109,26 @@ class _Targets:
         into = None if request.lean else folder
         self.recording = request.recording or (None if into is None else into / RECORDING)
         self.film = request.film or (None if into is None else into / FILM)
-        self.names = [p.name for p in (self.recording, self.film) if p is not None and p.parent == folder]
 
 
 def _check(request: NavigateRequest) -> None:
     """Refuse outputs that could not be written, before any work is done."""
     if not request.waypoints:
         raise UsageError("no goal: give x,y or x,y,yaw (any number), or --mission FILE")
-    taken: set[Path] = {request.map_path.resolve()}
+    if (request.map_path is None) == (request.slam is None):
+        raise UsageError(
+            "give --map FILE, or --slam gmapping|cartographer with --world WORLD to make the map on the way"
+        )
+    if request.slam is not None and request.world is None:
+        raise UsageError(
+            f"--slam {request.slam}: say where: --world WORLD (a world file, a map.yaml or a built-in name)"
+        )
+    taken = {path.resolve() for path in inputs_of(request)}
     for target in (request.recording, request.film):
         if target is None:
             continue
         if target.resolve() in taken:
-            raise UsageError(f"{target} is the map or named twice as an output: give each its own file")
+            raise UsageError(f"{target} is an input or named twice as an output: give each its own file")
         taken.add(target.resolve())
         if target.suffix:
             check_file(target)
@@ -167,17 +145,7 @@ def _recording(target: Path | None, robot: Navigator) -> Iterator[NavigationReco
     if target is None:
         yield None
         return
-    plant, config = robot.plant, robot.config
-    periods = {
-        name: 1.0 / parameters.costmap.publish_frequency if parameters.costmap.publish_frequency > 0.0 else math.inf
-        for name, parameters in (("global", config.global_costmap), ("local", config.local_costmap))
-    }
-    listener = NavigationRecording(
-        target, start_ns=round(plant.parameters.clock_start * 1e9), T_base_laser=plant.T_base_laser, laser_frame=laser.FRAME,
-        laser_height_m=plant.parameters.laser_z, base_frame=plant.parameters.robot_base_frame,
-        rates=RecordingRates(costmaps_s=periods),
-    )  # fmt: skip
-    with listener:
+    with recording_of(target, robot.plant, robot.config) as listener:
         robot.listen(listener)
         yield listener
 

@@ -12,6 +12,7 @@ from slamcli.errors import ConfigError
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.native import Setting, read_launch, read_ros_yaml
 from slamcli.native.settings import find_native
+from slamcli.navigation.collision_monitor import CollisionMonitorParameters
 from slamcli.navigation.layered_files import read_costmaps
 from slamcli.navigation.layered_parameters import LayeredParameters
 from slamcli.navigation.local_planners import LOCAL_PLANNERS, LocalPlannerKind, find_local_planner
@@ -57,6 +58,7 @@ class NavigationConfig:
     planner: PlannerParameters
     move_base: MoveBaseParameters
     recovery: RecoveryParameters
+    monitor: CollisionMonitorParameters
     local_planner: LocalPlannerKind
     local_parameters: Any
     """Parameters of the local planner that was chosen."""
@@ -146,6 +148,7 @@ class _Collected:
             "move_base": _table(MoveBaseParameters),
             "planner": _table(PlannerParameters),
             "recovery": _table(RecoveryParameters),
+            "monitor": _table(CollisionMonitorParameters),
             "simulation": _table(SimulationParameters),
             **{kind: _table(planner.parameters) for kind, planner in LOCAL_PLANNERS.items()},
         }
@@ -171,6 +174,8 @@ class _Collected:
             self._put("planner", rest, setting)
         elif head in _RECOVERIES and rest:
             self._put("recovery", f"{_RECOVERIES[head]}.{_recovery_name(rest)}", setting)
+        elif head == "collision_monitor" and rest:
+            self._put("monitor", name, setting)
         elif head == "TrajectoryPlannerROS" and rest:
             self._take_trajectory(rest, setting)
         elif name in self._known["move_base"]:
@@ -207,6 +212,7 @@ class _Collected:
             planner=resolve(PlannerParameters, self._values.get("planner", {})),
             move_base=move_base,
             recovery=resolve(RecoveryParameters, self._values.get("recovery", {})),
+            monitor=resolve(CollisionMonitorParameters, self._values.get("monitor", {})),
             local_planner=kind,
             local_parameters=resolve(LOCAL_PLANNERS[kind].parameters, local_values),
             simulation=self._values.get("simulation", {}),

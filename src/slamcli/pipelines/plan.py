@@ -118,7 +118,7 @@ def load_site(
     map_path
         The map's YAML.
     planner
-        navfn, dijkstra, astar, theta_star or hybrid_astar.
+        navfn, dijkstra, astar, theta_star, hybrid_astar or global_planner.
     costmap_files
         costmap_2d parameter files; of two values for one name the later counts.
     settings

@@ -10,23 +10,23 @@ _SLACK = 1e-9  # share of a segment: rays through a corner that two walls share 
 
 
 @njit(cache=True, nogil=True)
-def _rounded_box(ox, oy, dx, dy, box):
-    """Distance along a ray to the outline of a box (7,) without rounding, or of a disc; inf without a hit."""
-    ax, ay = ox - box[0], oy - box[1]
-    if box[4] == 0.0 and box[5] == 0.0:
+def _mover(ox, oy, dx, dy, movers, j, time):
+    """Distance along a ray to what moves (9,) as row j is `time` s later: a disc, or a box; inf without a hit."""
+    ax, ay = ox - movers[j, 0] - movers[j, 7] * time, oy - movers[j, 1] - movers[j, 8] * time
+    if movers[j, 4] == 0.0 and movers[j, 5] == 0.0:
         along, across = -(ax * dx + ay * dy), ax * dy - ay * dx
-        half = box[6] * box[6] - across * across
+        half = movers[j, 6] * movers[j, 6] - across * across
         if half < 0.0:
             return np.inf
         root = math.sqrt(half)
         if along - root >= 0.0:
             return along - root
         return along + root if along + root >= 0.0 else np.inf
-    c, s = box[2], box[3]
+    c, s = movers[j, 2], movers[j, 3]
     px, py = c * ax + s * ay, c * ay - s * ax
     qx, qy = c * dx + s * dy, c * dy - s * dx
     enter, leave = -np.inf, np.inf
-    for at, way, half in ((px, qx, box[4]), (py, qy, box[5])):
+    for at, way, half in ((px, qx, movers[j, 4]), (py, qy, movers[j, 5])):
         if way == 0.0:
             if abs(at) > half:
                 return np.inf
@@ -39,31 +39,73 @@ def _rounded_box(ox, oy, dx, dy, box):
 
 
 @njit(cache=True, nogil=True)
-def _walls(ox, oy, dx, dy, segments, circles, best):
-    """Distance along a ray to the first segment (S, 4) or circle (C, 3), `best` without a nearer one."""
-    for j in range(segments.shape[0]):
+def _shape(ox, oy, dx, dy, segments, circles, j, best):
+    """Distance along a ray to shape j, counted through segments (S, 4) and circles (C, 3); `best` without a nearer hit."""
+    if j < segments.shape[0]:
         ax, ay = segments[j, 0] - ox, segments[j, 1] - oy
         ex, ey = segments[j, 2] - segments[j, 0], segments[j, 3] - segments[j, 1]
         denominator = dx * ey - dy * ex
         if abs(denominator) < 1e-12:
-            continue
+            return best
         distance = (ax * ey - ay * ex) / denominator
-        if distance < 0.0 or distance >= best:
-            continue
         along = (ax * dy - ay * dx) / denominator
-        if -_SLACK <= along <= 1.0 + _SLACK:
-            best = distance
-    for j in range(circles.shape[0]):
-        ax, ay = circles[j, 0] - ox, circles[j, 1] - oy
-        along, across = ax * dx + ay * dy, ax * dy - ay * dx
-        half = circles[j, 2] * circles[j, 2] - across * across
-        if half < 0.0:
-            continue
-        root = math.sqrt(half)
-        hit = along - root if along - root >= 0.0 else along + root
-        if 0.0 <= hit < best:
-            best = hit
-    return best
+        return distance if 0.0 <= distance < best and -_SLACK <= along <= 1.0 + _SLACK else best
+    circle = circles[j - segments.shape[0]]
+    ax, ay = circle[0] - ox, circle[1] - oy
+    along, across = ax * dx + ay * dy, ax * dy - ay * dx
+    half = circle[2] * circle[2] - across * across
+    if half < 0.0:
+        return best
+    root = math.sqrt(half)
+    hit = along - root if along - root >= 0.0 else along + root
+    return hit if 0.0 <= hit < best else best
+
+
+@njit(cache=True, nogil=True)
+def _walls(ox, oy, dx, dy, segments, circles, starts, members, layout, best):
+    """Distance along a ray to the first segment or circle, `best` without a nearer one.
+
+    Without `members` all are tried; else only those that stand in the cells of a coarse grid that the ray passes
+    (Amanatides and Woo 1987). `layout` is its corner x, y, its cell size, and its numbers of columns and rows.
+    """
+    if members.shape[0] == 0:
+        for j in range(segments.shape[0] + circles.shape[0]):
+            best = _shape(ox, oy, dx, dy, segments, circles, j, best)
+        return best
+    size, columns, rows = layout[2], np.int64(layout[3]), np.int64(layout[4])
+    gx, gy = ox - layout[0], oy - layout[1]
+    enter, leave = 0.0, best
+    for at, way, wide in ((gx, dx, columns * size), (gy, dy, rows * size)):
+        if way == 0.0:
+            if at < 0.0 or at > wide:
+                return best
+        else:
+            one, two = -at / way, (wide - at) / way
+            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+    if enter > leave:
+        return best
+    column = min(max(np.int64(math.floor((gx + enter * dx) / size)), 0), columns - 1)
+    row = min(max(np.int64(math.floor((gy + enter * dy) / size)), 0), rows - 1)
+    step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+    next_x = ((column + (1 if dx > 0 else 0)) * size - gx) / dx if dx != 0.0 else np.inf
+    next_y = ((row + (1 if dy > 0 else 0)) * size - gy) / dy if dy != 0.0 else np.inf
+    per_x = abs(size / dx) if dx != 0.0 else np.inf
+    per_y = abs(size / dy) if dy != 0.0 else np.inf
+    while True:
+        cell = row * columns + column
+        for k in range(starts[cell], starts[cell + 1]):
+            best = _shape(ox, oy, dx, dy, segments, circles, members[k], best)
+        until = min(next_x, next_y)
+        if best <= until or until >= leave:
+            return best
+        if next_x < next_y:
+            next_x += per_x
+            column += step_x
+        else:
+            next_y += per_y
+            row += step_y
+        if row < 0 or column < 0 or row >= rows or column >= columns:
+            return best
 
 
 @njit(cache=True, nogil=True)
@@ -116,28 +158,25 @@ def _cells(gx, gy, dx, dy, field, best):
 
 
 @njit(cache=True, nogil=True)
-def true_ranges(poses, mount, angles, times, field, frame, segments, circles, movers, limit, ranges):
+def true_ranges(
+    poses, mount, angles, times, field, frame, segments, circles, starts, members, layout, movers, limit, ranges
+):
     """Fill `ranges` (N,), metres, inf beyond `limit`.
 
     `poses` (N, 3) are those of base_link in the map at each beam, `mount` x, y of the scanner on it, `angles` (N,) those
     of the beams in base_link, `times` (N,) seconds of the beams from the moment at which `movers` (M, 9) are there.
     """
     size = frame[4]
-    box = np.empty(7)
     for i in range(angles.shape[0]):
         c, s = math.cos(poses[i, 2]), math.sin(poses[i, 2])
         ox, oy = poses[i, 0] + c * mount[0] - s * mount[1], poses[i, 1] + s * mount[0] + c * mount[1]
         dx, dy = math.cos(poses[i, 2] + angles[i]), math.sin(poses[i, 2] + angles[i])
         best = limit
         for j in range(movers.shape[0]):
-            for k in range(7):
-                box[k] = movers[j, k]
-            box[0] += movers[j, 7] * times[i]
-            box[1] += movers[j, 8] * times[i]
-            hit = _rounded_box(ox, oy, dx, dy, box)
+            hit = _mover(ox, oy, dx, dy, movers, j, times[i])
             if hit < best:
                 best = hit
-        best = _walls(ox, oy, dx, dy, segments, circles, best)
+        best = _walls(ox, oy, dx, dy, segments, circles, starts, members, layout, best)
         if field.shape[0] > 0:
             gx = (frame[2] * (ox - frame[0]) + frame[3] * (oy - frame[1])) / size
             gy = (frame[2] * (oy - frame[1]) - frame[3] * (ox - frame[0])) / size

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Kernels: people who walk by a social-force model; see `slamcli.simulation.social_force`.
 
-A person is a row of 13: x, y, vx, vy, preferred speed, way walked, facing x and y, goal x and y, radius of arrival,
-seconds without progress, and least cost to the goal so far.
+A person is a row of 16: x, y, vx, vy, preferred speed, way walked, facing x and y, goal x and y, radius of arrival,
+seconds without progress, least cost to the goal so far, the point x, y that is walked to, and seconds until another is
+looked for.
 """
 
 import math
@@ -21,6 +22,7 @@ _WALL_A, _WALL_B = 3.0, 0.1
 _SEES = 4.0  # m
 _MOST_FORCE = 6.0  # m/s^2: nobody reacts harder
 _PUSH = 40.0  # 1/s^2: bodies that overlap push each other apart
+_LOOKS_EVERY = 0.2  # s
 _AHEAD_M = 1.6  # how far down the costs people look
 
 
@@ -197,10 +199,14 @@ def walk(
                 targets[i, 1] = following if following < way_ends[i, 1] else way_ends[i, 0]
                 tx, ty = ways[targets[i, 1], 0], ways[targets[i, 1], 1]
         else:
-            tx, ty, cost = _descend(fields[targets[i, 0]], field_frame, x, y, room, radius)
             me[11] += step
-            if cost < me[12]:
-                me[11], me[12] = 0.0, cost
+            me[15] -= step
+            if me[15] <= 0.0:
+                me[13], me[14], cost = _descend(fields[targets[i, 0]], field_frame, x, y, room, radius)
+                me[15] = _LOOKS_EVERY
+                if cost < me[12]:
+                    me[11], me[12] = 0.0, cost
+            tx, ty = me[13], me[14]
             if math.hypot(me[8] - x, me[9] - y) < me[10] or me[11] > 8.0:
                 targets[i, 0] = -1
                 asking += 1

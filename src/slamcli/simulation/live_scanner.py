@@ -57,7 +57,7 @@ class LiveScanner:
         ranges = np.empty(len(poses))
         _beam_kernels.true_ranges(
             poses, self._mount, self._pattern.angles_base, self._before + seen_since_s, walls.field, walls.frame,
-            walls.segments, walls.circles, seen, self._parameters.laser_range_max, ranges,
+            walls.segments, walls.circles, walls.starts, walls.members, walls.layout, seen, self._parameters.laser_range_max, ranges,
         )  # fmt: skip
         return ranges
 

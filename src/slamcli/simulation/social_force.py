@@ -46,7 +46,7 @@ class Pedestrians:
         self._social = parameters.people_model == "social_force"
         self._legs = parameters.people_shape == "legs"
         count = len(seeds)
-        self._people = np.zeros((count, 13))
+        self._people = np.zeros((count, 16))
         self._targets = np.full((count, 2), -1, np.int64)
         self._way_ends = np.zeros((count, 2), np.int64)
         self._goals: Destinations = site.destinations(robot[:2])
@@ -104,7 +104,7 @@ class Pedestrians:
         self._targets[i, 0] = place
         self._people[i, 8:10] = goals.points[place]
         self._people[i, 10] = rng.uniform(0.4, 1.2)
-        self._people[i, 11:13] = 0.0, np.inf
+        self._people[i, 11:16] = 0.0, np.inf, *self._people[i, :2], 0.0
 
     def _place_walkers(self, walkers: tuple[Walker, ...]) -> Array:
         """Return the points (N, 2) of all their ways; nobody walks through a wall between them."""
@@ -155,7 +155,7 @@ def _to_and_fro(walker: Walker, site: Site) -> Array:
 
 def warm() -> None:
     """Compile the kernels of this module."""
-    people, targets = np.zeros((2, 13)), np.full((2, 2), -2, np.int64)
+    people, targets = np.zeros((2, 16)), np.full((2, 2), -2, np.int64)
     targets[0, 0] = 0
     room, frame, ends = np.ones((2, 2), np.float32), np.array([0.0, 0.0, 0.1, 0.2]), np.array([[0, 1], [0, 1]])
     _crowd_kernels.walk(
