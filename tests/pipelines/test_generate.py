@@ -15,6 +15,7 @@ from slamcli.grids import OccupancyGrid
 from slamcli.measurements import Image, ImuSample, LaserScan, Odometry
 from slamcli.pipelines.generate import generate, open_world
 from slamcli.recordings import open_recording
+from slamcli.runtime import RunLog
 from slamcli.simulation import Simulation, resolve_settings
 
 FAST = {"laser.beams": 61, "truth.rate": 20}
@@ -156,3 +157,12 @@ def test_outputs_must_differ_from_each_other_and_from_the_world(tmp_path):
     with pytest.raises(UsageError, match="is the world"):
         generate(str(world), tmp_path / "o.bag", map_path=world)
     assert world.read_text() == "rooms: [[0, 0, 5, 5]]\n"
+
+
+def test_carts_that_only_robots_that_navigate_meet_are_warned_of(tmp_path):
+    world = tmp_path / "w.yaml"
+    world.write_text("rooms: [[0, 0, 6, 5]]\nobstacles: [{at: [4, 4], radius: 0.2}]\n")
+    log = RunLog()
+    generate(str(world), tmp_path / "a.mcap", duration_s=1.0, log=log)
+    assert [w for w in log.warnings if w.startswith("carts and obstacles that come and go")] == log.warnings
+    assert len(log.warnings) == 1

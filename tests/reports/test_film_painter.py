@@ -45,7 +45,7 @@ def colour(frame, x, y):
 
 def test_map_robot_and_trail_lie_where_they_are():
     frame = paint(snapshot())
-    assert frame.shape == (190, 200)
+    assert frame.shape == (214, 200)  # the view, 30 rows above it and 24 below
     assert colour(frame, 5.0, 5.0) == (255, 255, 255)
     assert colour(frame, 0.02, 5.0) == (24, 24, 24)
     assert colour(frame, 9.0, 5.0) == UNKNOWN_COLOUR
@@ -105,3 +105,11 @@ def test_the_header_takes_any_words(state):
     frame = paint(snapshot(state=state))
     assert frame[:28].max() <= 15
     assert frame[:28].any()
+
+
+def test_below_the_map_stands_what_colours_mean_as_far_as_there_is_room():
+    frame = paint(snapshot())
+    assert {40, 41} <= set(np.unique(frame[-23:]).tolist())  # driven and plan
+    assert 50 not in frame[-23:]  # the goal finds no room on 200 pixels
+    wide = FilmPainter([grid()], View(0.0, 0.0, 0.05, 720, 160), np.zeros((4, 2)), np.zeros((1, 3))).paint(snapshot())
+    assert {40, 41, 42, 43, 44, 45, 49, 50} <= set(np.unique(wide[-23:]).tolist())

@@ -29,6 +29,7 @@ def _distance(distances, column, row, out):
 def _linearise(points, pose, frame, distances, noise, scale, hessian, gradient):
     """Set the normal equations of the distances of `points` (M, 2), seen from `pose` (3,), and return the mean of their weights."""
     gc, gs, per_metre = math.cos(frame[2]), math.sin(frame[2]), frame[3]
+    half = 0.5 / per_metre
     dx, dy = pose[0] - frame[0], pose[1] - frame[1]
     x, y = gc * dx + gs * dy, gc * dy - gs * dx
     c, s = math.cos(pose[2] - frame[2]), math.sin(pose[2] - frame[2])
@@ -40,7 +41,7 @@ def _linearise(points, pose, frame, distances, noise, scale, hessian, gradient):
         px, py = c * points[m, 0] - s * points[m, 1], s * points[m, 0] + c * points[m, 1]
         if not _distance(distances, (x + px) * per_metre, (y + py) * per_metre, found):
             continue
-        d = found[0]
+        d = found[0] - half  # to the face of the wall's cell, negative behind it
         weight = math.exp(-d * d / (2.0 * scale * scale))
         fit += weight
         u, v = found[1] * per_metre, found[2] * per_metre
@@ -79,7 +80,7 @@ def _solve(h, g):
 def refine(points, prior, information, frame, distances, noise, scale, iterations, pose):
     """Move `pose` (3,) to where `points` (M, 2) lie best on the walls, held to `prior` (3,) by `information` (3, 3).
 
-    Gauss-Newton on the distances of the points to the nearest wall, in metres, of standard deviation `noise`; those far off
+    Gauss-Newton on the distances of the points to the nearest wall's face, in metres, of standard deviation `noise`; those far off
     `scale` do not pull. Returns the mean of the weights, 1 where all points lie on walls.
     """
     hessian, gradient = np.zeros((3, 3)), np.zeros(3)

@@ -20,20 +20,13 @@ HAIR = 1e-9
 
 
 @njit(cache=True)
-def octile(a: int, b: int, width: int) -> float:
-    """Return the length of the shortest 8-connected path without obstacles between flat cells, in cells."""
-    dy = abs(a // width - b // width)
-    dx = abs(a % width - b % width)
-    return max(dx, dy) + (SQRT2 - 1.0) * min(dx, dy)
-
-
-@njit(cache=True)
-def lower_bound(landmarks: Floats, a: int, b: int, width: int) -> float:
+def lower_bound(landmarks: Floats, a: int, b: int, down: int, across: int) -> float:
     """Return a cost that no path between two flat cells can undercut: octile distance, or what a landmark tells.
 
-    landmarks : float64 (N, K), the cost from each of K cells to each cell, 0 where there is no way.
+    landmarks : float64 (N, K), the cost from each of K cells to each cell, 0 where there is no way; down, across : rows and
+    columns between the cells.
     """
-    bound = octile(a, b, width)
+    bound = max(down, across) + (SQRT2 - 1.0) * min(down, across)
     for k in range(landmarks.shape[1]):
         bound = max(bound, abs(landmarks[a, k] - landmarks[b, k]))
     return bound
@@ -88,7 +81,12 @@ def search(
     g[start] = 0.0
     state[start] = opened
     parent[start] = 255
-    current = int((lower_bound(landmarks, start, goal, width) if guided else 0.0) / bucket)
+    goal_row, goal_column = goal // width, goal % width
+    rows, columns = np.array([-1, -1, -1, 0, 0, 1, 1, 1]), np.array([-1, 0, 1, -1, 1, -1, 0, 1])
+    current = 0
+    if guided:
+        down, across = abs(start // width - goal_row), abs(start % width - goal_column)
+        current = int(lower_bound(landmarks, start, goal, down, across) / bucket)
     nodes[0], links[0], hopes[0], used = start, -1, 0.0, 1
     heads[current % num_buckets] = 0
     while waiting > 0:
@@ -109,6 +107,7 @@ def search(
         state[node] = done
         base = g[node]
         half = 0.5 * weight[cost[node]]
+        row, column = node // width - goal_row, node % width - goal_column
         for k in range(8):
             neighbour = node + steps[k]
             toll = weight[cost[neighbour]]
@@ -117,14 +116,14 @@ def search(
             if lengths[k] > 1.0 and max(weight[cost[node + sides[k, 0]]], weight[cost[node + sides[k, 1]]]) == np.inf:
                 continue
             cheaper = base + lengths[k] * (half + 0.5 * toll)
-            if state[neighbour] >= opened and g[neighbour] <= cheaper:
+            if state[neighbour] >= opened and g[neighbour] <= cheaper + HAIR:
                 continue
             g[neighbour] = cheaper
             state[neighbour] = opened
             parent[neighbour] = k
             priority = cheaper
             if guided:
-                priority += lower_bound(landmarks, neighbour, goal, width)
+                priority += lower_bound(landmarks, neighbour, goal, abs(row + rows[k]), abs(column + columns[k]))
             if neighbour == goal:
                 known = cheaper
             if priority > known - HAIR:

@@ -20,12 +20,12 @@ from slamcli.pipelines.mission import Waypoint
 from slamcli.pipelines.navigate import Arrival, Navigator
 from slamcli.pipelines.navigate_outputs import FILM, RECORDING, navigation_document, write_folder
 from slamcli.pipelines.navigate_request import NavigateRequest, build_robot, inputs_of
-from slamcli.pipelines.navigation_recording import NavigationRecording, RecordingRates
+from slamcli.pipelines.navigation_recording import NavigationRecording
+from slamcli.pipelines.robot_recording import recording_of
 from slamcli.pipelines.story_teller import StoryTeller
 from slamcli.recordings.containers import create_raw
 from slamcli.reports.film import check_film
 from slamcli.runtime import RunLog
-from slamcli.simulation import laser
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,7 +70,7 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
         folder = stack.enter_context(atomic_directory(request.output)) if request.output is not None else None
         targets = _Targets(request, folder)
         counts: Mapping[str, int] = {}
-        animation = Animation(robot.plant.T_base_laser)
+        animation = Animation(robot.plant.T_base_laser, upside_down=robot.plant.parameters.laser_upside_down)
         if targets.film is not None:
             robot.listen(animation)
         with _recording(targets.recording, robot) as recording:
@@ -145,17 +145,7 @@ def _recording(target: Path | None, robot: Navigator) -> Iterator[NavigationReco
     if target is None:
         yield None
         return
-    plant, config = robot.plant, robot.config
-    periods = {
-        name: 1.0 / parameters.costmap.publish_frequency if parameters.costmap.publish_frequency > 0.0 else math.inf
-        for name, parameters in (("global", config.global_costmap), ("local", config.local_costmap))
-    }
-    listener = NavigationRecording(
-        target, start_ns=round(plant.parameters.clock_start * 1e9), T_base_laser=plant.T_base_laser, laser_frame=laser.FRAME,
-        laser_height_m=plant.parameters.laser_z, base_frame=plant.parameters.robot_base_frame,
-        rates=RecordingRates(costmaps_s=periods),
-    )  # fmt: skip
-    with listener:
+    with recording_of(target, robot.plant, robot.config) as listener:
         robot.listen(listener)
         yield listener
 

@@ -40,6 +40,12 @@ TRANSPARENT = 255
 """Index that no frame has; a film may use it for what the frame before showed."""
 _HEADER_PX = 30
 _TEXT_PX = 15
+_FOOTER_PX = 24
+_KEY_PX = 12
+_KEY = (
+    ("trail", "driven"), ("plan", "plan"), ("local plan", "local plan"), ("scan", "scan"), ("particles", "particles"),
+    ("estimate", "estimate"), ("person", "people"), ("goal", "goal"),
+)  # fmt: skip
 _ARROW_M = 0.45
 
 
@@ -82,11 +88,12 @@ class FilmPainter:
         self._trail_s, self._trail = trail[:, 0], self._pixels(trail[:, 1:])
         self._number: int | None = None
         self._ground: Pixels = np.zeros((0, 0), dtype=np.uint8)
+        self._footer = _footer(self.size[0])
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height of frames in pixels."""
-        return self._view.width_px, self._view.height_px + _HEADER_PX
+        return self._view.width_px, self._view.height_px + _HEADER_PX + _FOOTER_PX
 
     def paint(self, snapshot: Snapshot) -> Pixels:
         """Return a frame, uint8 (H, W), indices of `palette`."""
@@ -96,7 +103,7 @@ class FilmPainter:
         if snapshot.patch is not None:
             below = self._tinted(below, snapshot.patch)
         frame = np.zeros(self.size[::-1], dtype=np.uint8)
-        frame[_HEADER_PX:] = below
+        frame[_HEADER_PX:-_FOOTER_PX] = below
         self._dot(frame, snapshot.particles_m, "particles", 1)
         self._dot(frame, snapshot.scan_m, "scan", 2)
         picture = Image.fromarray(frame)
@@ -109,6 +116,7 @@ class FilmPainter:
         self._robot(draw, snapshot)
         drawn = np.array(picture)
         self._header(drawn, snapshot)
+        drawn[-_FOOTER_PX:] = self._footer
         return drawn
 
     def _below(self, number: int) -> Pixels:
@@ -156,7 +164,7 @@ class FilmPainter:
         for dx in range(size):
             for dy in range(size):
                 x, y = at[:, 0] + dx, at[:, 1] + dy
-                inside = (x >= 0) & (y >= _HEADER_PX) & (x < frame.shape[1]) & (y < frame.shape[0])
+                inside = (x >= 0) & (y >= _HEADER_PX) & (x < frame.shape[1]) & (y < frame.shape[0] - _FOOTER_PX)
                 frame[y[inside], x[inside]] = _PEN[pen]
 
     def _line(self, draw: Any, at: Array, pen: str, width: int) -> None:
@@ -203,13 +211,27 @@ class FilmPainter:
         return self._view.pixels(points_m) + np.array([-0.5, _HEADER_PX - 0.5])
 
 
-def _write(frame: Pixels, left: int, words: str) -> None:
-    """Write a line of text in shades of grey into the header, as far as it goes."""
-    mask = raster.text_mask(words, _TEXT_PX)
+def _footer(width: int) -> Pixels:
+    """Return a strip (_FOOTER_PX, width) that says what colours mean, as much of it as there is room for."""
+    strip = np.zeros((_FOOTER_PX, width), dtype=np.uint8)
+    strip[0] = 3
+    left = 8
+    for pen, words in _KEY:
+        if left + 22 + raster.text_width(words, _KEY_PX) > width:
+            break
+        strip[_FOOTER_PX // 2 - 2 : _FOOTER_PX // 2 + 3, left : left + 14] = _PEN[pen]
+        _write(strip, left + 18, words, _KEY_PX, _FOOTER_PX)
+        left += 34 + raster.text_width(words, _KEY_PX)
+    return strip
+
+
+def _write(frame: Pixels, left: int, words: str, size_px: int = _TEXT_PX, height_px: int = _HEADER_PX) -> None:
+    """Write a line of text in shades of grey into the top `height_px` rows, as far as it goes."""
+    mask = raster.text_mask(words, size_px)
     shades = np.round(mask * (_GREYS - 1)).astype(np.uint8)
     left = max(left, 0)
-    top = max((_HEADER_PX - shades.shape[0]) // 2, 0)
-    part = shades[: _HEADER_PX - 1 - top, : max(frame.shape[1] - left, 0)]
+    top = max((height_px - shades.shape[0]) // 2, 0)
+    part = shades[: height_px - 1 - top, : max(frame.shape[1] - left, 0)]
     box = frame[top : top + part.shape[0], left : left + part.shape[1]]
     np.maximum(box, part, out=box)
 

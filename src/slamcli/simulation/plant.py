@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from slamcli.errors import UsageError
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import LaserScan, Odometry
-from slamcli.navigation.footprint import parse_footprint
 from slamcli.simulation import _plant_kernels
+from slamcli.simulation.body import Body
 from slamcli.simulation.contact import Contact
 from slamcli.simulation.drive_limits import drive_limits, odometry_errors
 from slamcli.simulation.live_scanner import LiveScanner, poses_at
@@ -67,11 +67,7 @@ class Plant:
         self.world, self.parameters, self._seed = world, parameters, seed
         self._walls = site_of(world).walls()
         self._barriers = self._walls if p.robot_unknown_is_floor else site_of(world).walls(unknown_is_wall=True)
-        outline = parse_footprint(p.robot_footprint)
-        self._outline = np.array(outline) if outline else np.zeros((1, 2))
-        self._radius = 0.0 if outline else p.robot_radius
-        self._around = float(np.hypot(self._outline[:, 0], self._outline[:, 1]).max()) + self._radius
-        self._placed = np.empty_like(self._outline)
+        self._body = Body(p)
         self._state, self._counters = np.zeros(16), np.zeros(5, np.int64)
         self._queue, self._wanted = np.zeros((_MOST_COMMANDS, 4)), np.zeros(3)
         self._history = np.zeros((round(_HISTORY_S / TICK_S), 6))
@@ -89,7 +85,7 @@ class Plant:
             self._state[7:10] = odometry_start
             self._history[:, 3:6] = odometry_start
         self.teleport(start)
-        self._traffic = Traffic(world, p, self._state[:3], self._outline, self._radius, self.stream)
+        self._traffic = Traffic(world, p, self._state[:3], self._body, self.stream)
         self._movers, self._seen = self._traffic.bodies, self._traffic.seen
         self._touching = np.zeros(1 + len(self._movers), np.int64)
 
@@ -145,14 +141,9 @@ class Plant:
     @property
     def clearance_m(self) -> float:
         """Distance of the body to the nearest wall or moving thing now, metres; at most 3, 0 in contact."""
-        x, y, yaw = self._state[:3]
-        w = self._barriers
-        gap = _plant_kernels.wall_gap(
-            self._outline, self._radius, x, y, yaw, w.field, w.frame, w.shapes, _FARTHEST_CLEARANCE_M, self._placed
-        )
-        if len(self._movers):
-            gap = min(gap, _plant_kernels.mover_gap(self._outline, self._radius, x, y, yaw, self._movers, self._placed))
-        return max(float(gap), 0.0)
+        pose = self._state[:3]
+        gap = self._body.wall_gap(pose, self._barriers, _FARTHEST_CLEARANCE_M)
+        return max(min(gap, self._body.mover_gap(pose, self._movers)), 0.0)
 
     def command(self, twist: Array) -> None:
         """Ask for forward, leftward (m/s) and turning (rad/s) velocity (3,); it acts `robot.latency` later.
@@ -202,15 +193,15 @@ class Plant:
         self._movers, self._seen = self._traffic.bodies, self._traffic.seen
 
     def _run(self, ticks: int) -> None:
-        w = self._barriers
+        w, b = self._barriers, self._body
         draws = self._odometry_rng.standard_normal((ticks, 2))
         slips = self._no_slips
         if self._slips:
             slips = self._slip_rng.standard_normal((ticks, 3))
             slips[:, 2] = 0.5 * (1.0 + np.array([math.erf(v / math.sqrt(2.0)) for v in slips[:, 2]]))
         begun = _plant_kernels.advance(
-            ticks, TICK_S, self._state, self._counters, self._queue, self._wanted, self._limits, self._outline,
-            self._radius, self._around, w.field, w.frame, w.shapes, self._movers, self._touching, self._told, draws,
+            ticks, TICK_S, self._state, self._counters, self._queue, self._wanted, self._limits, b.outline,
+            b.radius_m, b.around_m, w.field, w.frame, w.shapes, self._movers, self._touching, self._told, draws,
             slips, self._history, self._events,
         )  # fmt: skip
         for tick, what, x, y, speed, approach in self._events[:begun].tolist():
@@ -241,14 +232,8 @@ class Plant:
         there = np.asarray(pose, dtype=np.float64)
         if there.shape != (3,) or not np.isfinite(there).all():
             raise UsageError(f"pose {pose!r} is not three finite numbers x, y, yaw")
-        w = self._barriers
-        x, y, yaw = there.tolist()
-        if (
-            _plant_kernels.wall_gap(
-                self._outline, self._radius, x, y, yaw, w.field, w.frame, w.shapes, 0.1, self._placed
-            )
-            <= 0
-        ):
+        if self._body.wall_gap(there, self._barriers, 0.1) <= 0.0:
+            x, y, yaw = there.tolist()
             raise UsageError(f"world {self.world.name}: the robot at {x:g}, {y:g} (yaw {yaw:g} rad) touches a wall")
         self._state[:3] = there
         self._state[3:7] = 0.0
@@ -327,4 +312,3 @@ def warm() -> None:
     plant.scan()
     plant.odom_pose_at(plant.stamp_ns)
     _ = plant.clearance_m
-    _plant_kernels.mover_gap(np.zeros((1, 2)), 0.2, 1.5, 1.5, 0.0, np.zeros((1, 9)), np.zeros((1, 2)))

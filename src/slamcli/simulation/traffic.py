@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.simulation.body import Body
 from slamcli.simulation.carts import Carts
 from slamcli.simulation.parameters import SimulationParameters
 from slamcli.simulation.site import site_of
@@ -21,10 +22,10 @@ class Traffic:
     """People and carts; bodies are rounded boxes (M, 9): x, y, cos, sin, half length, half width, radius, vx, vy."""
 
     def __init__(
-        self, world: World, parameters: SimulationParameters, robot: Array, outline: Array, margin_m: float,
+        self, world: World, parameters: SimulationParameters, robot: Array, body: Body,
         stream: Callable[[str], np.random.Generator],
     ) -> None:  # fmt: skip
-        """Place everybody around the robot at `robot` (3,), whose body is `outline` (N, 2) with `margin_m` around it.
+        """Place everybody around the robot at `robot` (3,).
 
         Raises
         ------
@@ -33,8 +34,7 @@ class Traffic:
         """
         site = site_of(world)
         count = len(world.walkers) + parameters.people_count
-        self._outline, self._margin_m = outline, margin_m
-        self._around_m = float(np.hypot(outline[:, 0], outline[:, 1]).max()) + margin_m
+        self._body = body
         self._people: Pedestrians | None = None
         if count:
             seeds = [stream(f"person {i}") for i in range(count)]
@@ -57,9 +57,9 @@ class Traffic:
     def step(self, time_s: float, robot: Array) -> None:
         """Let people and carts decide how they move for the next 50 ms, from `time_s`; `robot` (6,) is pose and velocity."""
         people = np.zeros((0, 2)) if self._people is None else self._people.now()
-        self._carts.step(time_s, STEP_S, robot[:3], self._around_m, people)
+        self._carts.step(time_s, STEP_S, robot[:3], self._body.around_m, people)
         if self._people is not None:
-            self._people.walk(robot, self._outline, self._margin_m, self._carts.boxes)
+            self._people.walk(robot, self._body.outline, self._body.radius_m, self._carts.boxes)
         self._join()
 
     def _join(self) -> None:

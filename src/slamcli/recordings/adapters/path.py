@@ -38,7 +38,9 @@ def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Stampe
 def _encode(stamped: StampedPath, messages: MessageFactory) -> Any:
     path = stamped.path
     stamps = path.stamps_ns.tolist()
-    headers = {stamp_ns: messages.header(stamp_ns, path.frame_id) for stamp_ns in stamps}  # of a plan all are the same
+    headers = {
+        stamp_ns: messages.header(stamp_ns, path.frame_id) for stamp_ns in dict.fromkeys(stamps)
+    }  # of a plan: one
     poses = [
         messages.make("geometry_msgs/msg/PoseStamped", headers[stamp_ns], pose)
         for stamp_ns, pose in zip(stamps, messages.poses(path.positions_m, path.quats_xyzw), strict=True)
