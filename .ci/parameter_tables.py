@@ -12,12 +12,18 @@ from pathlib import Path
 
 from slamcli.cli.config import bounds, shown_value
 from slamcli.localization.amcl_parameters import AmclParameters
+from slamcli.navigation.explore_parameters import ExploreParameters
 from slamcli.navigation.obstacle_parameters import ObstacleParameters, SourceParameters
 from slamcli.parameters import Declaration, declarations
 from slamcli.pipelines.config_show import show
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
-_LISTS = {"amcl": AmclParameters, "obstacle_layer": ObstacleParameters, "observation_source": SourceParameters}
+_LISTS = {
+    "amcl": AmclParameters,
+    "explore": ExploreParameters,
+    "obstacle_layer": ObstacleParameters,
+    "observation_source": SourceParameters,
+}
 """Tables of what `config show` has no system for, or what stands in files any number of times, each time under another name."""
 _BLOCK = re.compile(r"(<!-- begin parameters: (\w+) -->\n).*?(<!-- end parameters -->)", re.DOTALL)
 

@@ -2,8 +2,9 @@
 """Kernels of the search for frontiers; see `slamcli.navigation.frontiers`.
 
 Costs are flat, row by row, with an obstacle all around (one cell wide), so that no neighbour lies outside; cells are given by their
-flat numbers. `reach` (int64, of the same length) holds for each cell the length of the way to it, or -1 for no way, or, for cells in
-front of which the robot can stand, -2 less the number of the cell where it stands.
+flat numbers. `reach` (int64, of the same length) holds for each cell the length of the way to it, -1 where it could be crossed and there is
+no way, -2 less the number of the cell where the robot stands for cells that it can look into, _CLOSED for all others, and in the end _TAKEN for
+cells of frontiers.
 """
 
 from __future__ import annotations
@@ -17,16 +18,19 @@ STRAIGHT, DIAGONAL = 5, 7
 """Lengths of steps: 1.4 instead of the root of two."""
 _BUCKETS = 8
 _LETHAL, _UNKNOWN = 254, 255
+_TAKEN = np.iinfo(np.int64).min
+_CLOSED = _TAKEN + 1
 
 
 @njit(cache=True, nogil=True)
 def wave(costs, width, start, through, reach, pending):
-    """Write to `reach` how long the way from a cell to each cell is, over costs up to `through`; -1 where there is none.
+    """Write to `reach` how long the way from a cell to each cell is, over costs up to `through`.
 
     Dial's algorithm with a bucket for each length that can be pending; `pending` (8, cells) is room for them. A diagonal step needs both
     cells beside it. Returns the first and the last cell that was reached.
     """
-    reach[:] = -1
+    for cell in range(costs.shape[0]):
+        reach[cell] = -1 if costs[cell] <= through else _CLOSED
     counts = np.zeros(_BUCKETS, np.int64)
     pending[0, 0], counts[0] = start, 1
     reach[start] = 0
@@ -43,21 +47,20 @@ def wave(costs, width, start, through, reach, pending):
                 continue
             idle = 0
             lowest, highest = min(lowest, cell), max(highest, cell)
-            below, above, before, after = cell - width, cell + width, cell - 1, cell + 1
-            south, north = costs[below] <= through, costs[above] <= through
-            west, east = costs[before] <= through, costs[after] <= through
-            for free, other in ((south, below), (north, above), (west, before), (east, after)):
-                if free and (reach[other] < 0 or reach[other] > straight):
+            below, above = cell - width, cell + width
+            south, north, west, east = reach[below], reach[above], reach[cell - 1], reach[cell + 1]
+            for other, length in ((below, south), (above, north), (cell - 1, west), (cell + 1, east)):
+                if length == -1 or length > straight:
                     reach[other] = straight
                     pending[to_straight, counts[to_straight]] = other
                     counts[to_straight] += 1
-            for free, other in (
-                (south and west, below - 1),
-                (south and east, below + 1),
-                (north and west, above - 1),
-                (north and east, above + 1),
+            for other, beside, along in (
+                (below - 1, south, west),
+                (below + 1, south, east),
+                (above - 1, north, west),
+                (above + 1, north, east),
             ):
-                if free and (reach[other] < 0 or reach[other] > diagonal) and costs[other] <= through:
+                if beside >= -1 and along >= -1 and (reach[other] == -1 or reach[other] > diagonal):
                     reach[other] = diagonal
                     pending[to_diagonal, counts[to_diagonal]] = other
                     counts[to_diagonal] += 1
@@ -67,10 +70,10 @@ def wave(costs, width, start, through, reach, pending):
 
 
 @njit(cache=True, nogil=True)
-def look_in(costs, width, through, lowest, highest, reach, queue):
+def look_in(costs, width, lowest, highest, reach, queue):
     """Note in `reach` the cells behind the reached ones where the robot does not fit, with the reached cell in front.
 
-    Such cells are known, no obstacles, dearer than `through`, and tied to a reached cell by others like them over their
+    Such cells are known, no obstacles, too dear to be crossed, and tied to a reached cell by others like them over their
     sides; the fewest steps decide in front of which, then the order of the cells. Takes and returns the first and the last cell of what is noted; `queue` is room for cells.
     """
     end = 0
@@ -79,7 +82,7 @@ def look_in(costs, width, through, lowest, highest, reach, queue):
             continue
         for side in range(4):
             other = cell + (-width if side == 0 else width if side == 1 else -1 if side == 2 else 1)
-            if reach[other] == -1 and through < costs[other] < _LETHAL:
+            if reach[other] == _CLOSED and costs[other] < _LETHAL:
                 reach[other] = -2 - cell
                 queue[end] = other
                 end += 1
@@ -90,7 +93,7 @@ def look_in(costs, width, through, lowest, highest, reach, queue):
         lowest, highest = min(lowest, cell), max(highest, cell)
         for side in range(4):
             other = cell + (-width if side == 0 else width if side == 1 else -1 if side == 2 else 1)
-            if reach[other] == -1 and through < costs[other] < _LETHAL:
+            if reach[other] == _CLOSED and costs[other] < _LETHAL:
                 reach[other] = reach[cell]
                 queue[end] = other
                 end += 1
@@ -103,20 +106,19 @@ def groups(costs, width, lowest, highest, reach, cells, near, firsts):
 
     A frontier cell is unknown and has at one of its sides a cell that was reached, or looked into; of several the one
     with the shortest way counts. Groups hold together over sides and corners, and come in the order of their first
-    cells, row by row; `firsts` (one more than groups) gets where each begins, and where the last one ends. Cells that
-    were taken are -1 in `reach` no more: they become the least number there is. Returns the number of groups.
+    cells, row by row; `firsts` (one more than groups) gets where each begins, and where the last one ends. Returns the
+    number of groups.
     """
-    taken = np.iinfo(np.int64).min
     end, count = 0, 0
     for begin in range(lowest - width, highest + width + 1):
-        if costs[begin] != _UNKNOWN or reach[begin] == taken:
+        if costs[begin] != _UNKNOWN or reach[begin] == _TAKEN:
             continue
         found = _front(reach, begin, width)
         if found < 0:
             continue
         firsts[count] = end
         count += 1
-        reach[begin] = taken
+        reach[begin] = _TAKEN
         cells[end], near[end] = begin, found
         next_, end = end, end + 1
         while next_ < end:
@@ -124,11 +126,11 @@ def groups(costs, width, lowest, highest, reach, cells, near, firsts):
             next_ += 1
             for di in range(-1, 2):
                 for other in range(cell + di * width - 1, cell + di * width + 2):
-                    if costs[other] != _UNKNOWN or reach[other] == taken:
+                    if costs[other] != _UNKNOWN or reach[other] == _TAKEN:
                         continue
                     found = _front(reach, other, width)
                     if found >= 0:
-                        reach[other] = taken
+                        reach[other] = _TAKEN
                         cells[end], near[end] = other, found
                         end += 1
     firsts[count] = end
@@ -142,7 +144,7 @@ def _front(reach, cell, width):
     for side in range(4):
         other = cell + (-width if side == 0 else width if side == 1 else -1 if side == 2 else 1)
         value = reach[other]
-        if value == -1 or value == np.iinfo(np.int64).min:
+        if value == -1 or value <= _CLOSED:
             continue
         found = other if value >= 0 else -2 - value
         if best < 0 or reach[found] < reach[best]:

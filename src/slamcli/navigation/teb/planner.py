@@ -15,6 +15,7 @@ from slamcli.navigation.teb.alternatives import Alternative, Alternatives
 from slamcli.navigation.teb.band import Band
 from slamcli.navigation.teb.command import first_twist, saturated, steering
 from slamcli.navigation.teb.local_plan import spaced, trimmed
+from slamcli.navigation.teb.moving_obstacles import PLUGIN, MovingObstacles
 from slamcli.navigation.teb.obstacle_field import ObstacleField, obstacle_field
 from slamcli.navigation.teb.optimise import BandOptimiser
 from slamcli.navigation.teb.oscillation import HorizonBackup, OscillationRecovery
@@ -22,6 +23,7 @@ from slamcli.navigation.teb.parameters import TebParameters
 
 Array = NDArray[np.float64]
 _NO_NEARER_M = 0.005
+_CHECK_EVERY_RAD = 0.2
 
 
 class TebPlanner:
@@ -57,6 +59,7 @@ class TebPlanner:
         self._oscillation = OscillationRecovery(parameters, control_period_s)
         self._horizon = HorizonBackup(parameters)
         self._discs = np.zeros((0, 5))
+        self._moving = MovingObstacles() if parameters.obstacles.costmap_converter_plugin == PLUGIN else None
         self._via_points_left = 0
 
     @property
@@ -98,7 +101,7 @@ class TebPlanner:
             state.pose_odom,
             behind_m=rules.obstacles.costmap_obstacles_behind_robot_dist,
             use_cells=rules.obstacles.include_costmap_obstacles,
-            discs=self._discs,
+            discs=self._moving_discs(state, costmap),
         )
         optimiser = BandOptimiser(
             rules,
@@ -135,6 +138,12 @@ class TebPlanner:
         left = rules.complete_global_plan and self._via_points_left > 0
         return bool((stands or rules.free_goal_vel) and not left)
 
+    def _moving_discs(self, state: RobotState, costmap: CostWindow) -> Array:
+        """Return what is known to move, or else what is seen to."""
+        if self._moving is None or len(self._discs):
+            return self._discs
+        return self._moving.observe(costmap, state.time_s)
+
     def _local_plan(self, plan: LocalPlan, state: RobotState, costmap: CostWindow) -> tuple[Array, Array, bool]:
         """Return the local plan from the robot on, float64 (N, 3), N >= 2, via-points on it (V, 2), and if it is all."""
         rules = self._parameters.trajectory
@@ -165,7 +174,7 @@ class TebPlanner:
 
         One that touches an obstacle already, because this came to it or cells are coarse, may where it comes no nearer.
         """
-        step_rad = self._parameters.trajectory.min_resolution_collision_check_angular
+        step_rad = min(self._parameters.trajectory.min_resolution_collision_check_angular, _CHECK_EVERY_RAD)
         if obstacles.collision(poses, step_rad) < 0:
             return True
         if obstacles.collision(poses[:1], step_rad) < 0:
