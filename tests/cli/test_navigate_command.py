@@ -143,6 +143,28 @@ def test_slam_makes_the_map_on_the_way(room, tmp_path, algo):
     assert (near == 100).any()
 
 
+@pytest.mark.parametrize("how", ["upside_down", "clockwise"])
+def test_a_scanner_that_sees_the_other_way_round(room, tmp_path, how):
+    folder = tmp_path / "out"
+    arguments = [
+        "navigate",
+        "1.0,0.5",
+        "--map",
+        str(room),
+        "--start",
+        "-1.5,0.5,-1.57",
+        "--set",
+        f"laser.{how}=true",
+        "-q",
+    ]
+    assert run([*arguments, "-o", str(folder)]) == 0
+    summary = json.loads((folder / "run.json").read_text())["summary"]
+    assert summary["localisation_rmse_m"] < 0.08
+    with open_recording(folder / "run.mcap") as recording:  # the recording says how it hangs
+        T = recording.frames().lookup("base_link", "laser", 1_700_000_002_000_000_000)
+    assert (T[2, 2] < 0) == (how == "upside_down")
+
+
 def test_the_start_of_a_world_is_the_default(tmp_path, capsys):
     assert (
         run(["navigate", "2.6,8.75", "--slam", "gmapping", "--world", "office", "--slam-set", "particles=2", "--json"])

@@ -161,11 +161,11 @@ class Loop:
         return out
 
 
-def free_poses(loop, count, seed, clearance_m=0.3):
+def free_poses(loop, count, seed):
     """Random free poses (count, 3) that hang together."""
     rng = np.random.default_rng(seed)
     away = ndimage.distance_transform_edt(~loop.occupied) * loop.resolution_m
-    labels, _ = ndimage.label(away > clearance_m)
+    labels, _ = ndimage.label(away > max(0.3, radii(loop.footprint)[1] + loop.resolution_m))
     largest = np.bincount(labels[labels > 0]).argmax()
     rows, columns = np.nonzero(labels == largest)
     picks = rng.integers(len(rows), size=count)

@@ -104,6 +104,15 @@ def test_a_centroid_in_a_wall_is_moved_to_where_the_robot_can_stand():
     assert costs[math.floor(snapped.goal[1]), math.floor(snapped.goal[0])] == 0
 
 
+def test_goals_keep_away_from_walls():
+    costs = drawn("cc?", "..?", "cc?", "cc?", "cc?")
+    costs[costs == 100] = 252
+    near = {
+        clearance: find(costs, (0.5, 3.5, 0.0), goal_clearance=clearance)[0].goal[1] for clearance in (0.0, 0.9, 1.1)
+    }
+    assert near == {0.0: 2.5, 0.9: 2.5, 1.1: 3.5}  # the centroid is at 2.5, the cell that costs nothing one above it
+
+
 @pytest.mark.parametrize("point", ["centroid", "middle", "initial"])
 def test_goal_points(point):
     costs = drawn("......?", "#####.?", "......?")

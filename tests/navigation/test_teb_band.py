@@ -334,11 +334,14 @@ def test_outlines(kind):
 
 
 def test_distances_to_keep_come_with_the_footprint():
-    def kept(**values):
+    def kept(room=np.inf, **values):
         p = resolve(TebParameters, values)
-        vector = settings_vector(p, robot_outline(p.footprint_model, empty_window()), np.zeros(3), 0)
+        vector = settings_vector(p, robot_outline(p.footprint_model, empty_window()), np.zeros(3), 0, room)
         return vector[kernels.MIN_DIST], vector[kernels.INFLATION]
 
     assert kept() == (0.1, 0.35)
     assert kept(**{"footprint_model.type": "point"}) == (0.5, 0.6)
     assert kept(min_obstacle_dist=0.2, inflation_dist=0.3) == (0.2, 0.3)
+    assert kept(room=0.1) == (pytest.approx(0.03), 0.35)
+    assert kept(room=0.0) == (pytest.approx(-0.05), 0.35)
+    assert kept(room=0.1, min_obstacle_dist=0.2) == (0.2, 0.35)

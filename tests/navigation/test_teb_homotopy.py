@@ -8,10 +8,11 @@ import itertools
 
 import numpy as np
 import pytest
-from elastic_loop import costs_of, window_of
+from elastic_loop import costs_of, still, window_of
 
 from slamcli.navigation.footprint import padded_polygon
-from slamcli.navigation.teb import _obstacle_kernels, _roadmap_kernels
+from slamcli.navigation.local_planner import NoCommandError
+from slamcli.navigation.teb import TebPlanner, _obstacle_kernels, _roadmap_kernels
 from slamcli.navigation.teb.alternatives import Alternatives
 from slamcli.navigation.teb.homotopy import Classes
 from slamcli.navigation.teb.obstacle_field import obstacle_field
@@ -265,3 +266,50 @@ def test_one_band_without_homotopy_classes():
     p = resolve(TebParameters, {"enable_homotopy_class_planning": False})
     path = np.column_stack([np.linspace(-1.5, 1.5, 61), np.zeros((61, 2))])
     assert len(planned(Alternatives(p), window_with((-0.2, 0.2, -0.5, 0.2)), path, p=p)) == 1
+
+
+def test_room_and_clearance_against_naive_twins():
+    field = field_of(window_with((-0.1, 0.1, 0.3, 0.8), (-0.1, 0.1, -0.9, -0.4)))
+    path = np.column_stack([np.linspace(-1.5, 1.5, 31), np.full((31, 1), -0.02), np.zeros((31, 1))])
+    naive = []
+    for a, b in itertools.pairwise(path[:, :2]):
+        away = field.points - a
+        far = np.hypot(*away.T)
+        left = ((b - a)[0] * away[:, 1] - (b - a)[1] * away[:, 0] > 0.0) & (
+            far <= 0.5 + field.costmap.inscribed_radius_m
+        )
+        right = ~left & (far <= 0.5 + field.costmap.inscribed_radius_m)
+        if left.any() and right.any():
+            naive.append(0.5 * (far[left].min() + far[right].min()) - field.costmap.inscribed_radius_m)
+    assert field.room_m(path) == pytest.approx(min(naive), abs=1e-12)
+    # the passage is 0.7 m wide; its cells' centres are 0.75 m apart
+    assert field.room_m(path) == pytest.approx(0.375 - field.costmap.inscribed_radius_m, abs=0.005)
+    assert field_of(window_with((-0.1, 0.1, 0.3, 0.8))).room_m(path) == np.inf
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.4, 0.0], [-1.0, 0.5, 0.3]])
+    clearances = field.clearance_m(poses)
+    distances = np.hypot(*(field.points[None] - poses[:, None, :2]).T).min(axis=0)
+    np.testing.assert_allclose(clearances[[0, 2]], distances[[0, 2]] - 0.18, atol=0.004)  # 16 corners for a circle
+    assert -0.18 < clearances[1] < 0.0
+    assert field.room_m(np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), to_goal=True) == pytest.approx(clearances[0])
+
+
+def test_ways_through_obstacles():
+    field = field_of(window_with((-0.1, 0.1, 0.0, 0.6)))
+    assert not field.is_blocked(over(-0.5))
+    assert field.is_blocked(over(0.3))
+    # within the inscribed radius of it: too near on the way, forgiven at its end
+    assert field.is_blocked(over(-0.1))
+    assert not field.is_blocked(np.array([[-1.0, -0.1], [-0.3, -0.1], [-0.2, -0.1]]))
+
+
+def test_a_robot_in_touch_with_an_obstacle_may_leave_it():
+    window = window_with((0.15, 0.3, -2.0, 2.0))
+    plan = np.column_stack([np.linspace(0.0, -1.5, 31), np.zeros(31), np.full(31, np.pi)])
+    planner = TebPlanner(P)
+    planner.set_plan(plan)
+    away = planner.compute_command(still((0.0, 0.0, np.pi)), window)
+    assert away.twist[0] > 0.0
+    planner.reset()
+    planner.set_plan(plan * [-1.0, 1.0, 1.0] + [0.0, 0.0, np.pi])
+    with pytest.raises(NoCommandError):
+        planner.compute_command(still((0.0, 0.0, 0.0)), window)

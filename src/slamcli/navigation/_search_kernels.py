@@ -20,20 +20,13 @@ HAIR = 1e-9
 
 
 @njit(cache=True)
-def octile(a: int, b: int, width: int) -> float:
-    """Return the length of the shortest 8-connected path without obstacles between flat cells, in cells."""
-    dy = abs(a // width - b // width)
-    dx = abs(a % width - b % width)
-    return max(dx, dy) + (SQRT2 - 1.0) * min(dx, dy)
-
-
-@njit(cache=True)
-def lower_bound(landmarks: Floats, a: int, b: int, width: int) -> float:
+def lower_bound(landmarks: Floats, a: int, b: int, down: int, across: int) -> float:
     """Return a cost that no path between two flat cells can undercut: octile distance, or what a landmark tells.
 
-    landmarks : float64 (N, K), the cost from each of K cells to each cell, 0 where there is no way.
+    landmarks : float64 (N, K), the cost from each of K cells to each cell, 0 where there is no way; down, across : rows and
+    columns between the cells.
     """
-    bound = octile(a, b, width)
+    bound = max(down, across) + (SQRT2 - 1.0) * min(down, across)
     for k in range(landmarks.shape[1]):
         bound = max(bound, abs(landmarks[a, k] - landmarks[b, k]))
     return bound
@@ -46,20 +39,9 @@ def _doubled(values: Ints) -> Ints:
 
 @njit(cache=True)
 def search(
-    cost: Bytes,
-    weight: Floats,
-    width: int,
-    start: int,
-    goal: int,
-    guided: bool,
-    landmarks: Floats,
-    bucket: float,
-    num_buckets: int,
-    g: Floats,
-    state: Ints,
-    parent: Bytes,
-    generation: int,
-) -> float:
+    cost: Bytes, weight: Floats, width: int, start: int, goal: int, guided: bool, landmarks: Floats, bucket: float,
+    num_buckets: int, g: Floats, state: Ints, parent: Bytes, generation: int,
+) -> float:  # fmt: skip
     """Fill `g` and `parent` until the cheapest way from `start` to `goal` is known; return its cost, inf if none.
 
     Parameters
@@ -77,9 +59,9 @@ def search(
     to the goal that is known. So the result is exact: the search ends when the goal's own bucket is empty, and then no
     waiting cell can be on a cheaper way.
     """
-    steps = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
-    sides = np.array([[-1, -width], [0, 0], [1, -width], [0, 0], [0, 0], [-1, width], [0, 0], [1, width]])
-    lengths = np.array([SQRT2, 1.0, SQRT2, 1.0, 1.0, SQRT2, 1.0, SQRT2])
+    rows, columns = np.array([-1, -1, -1, 0, 0, 1, 1, 1]), np.array([-1, 0, 1, -1, 1, -1, 0, 1])
+    steps = rows * width + columns
+    lengths = np.sqrt((rows * rows + columns * columns).astype(np.float64))
     heads = np.full(num_buckets, -1)
     nodes, links, hopes = np.zeros(1024, dtype=np.int64), np.zeros(1024, dtype=np.int64), np.zeros(1024)
     known = 0.0 if start == goal else np.inf
@@ -88,7 +70,11 @@ def search(
     g[start] = 0.0
     state[start] = opened
     parent[start] = 255
-    current = int((lower_bound(landmarks, start, goal, width) if guided else 0.0) / bucket)
+    goal_row, goal_column = goal // width, goal % width
+    current = 0
+    if guided:
+        down, across = abs(start // width - goal_row), abs(start % width - goal_column)
+        current = int(lower_bound(landmarks, start, goal, down, across) / bucket)
     nodes[0], links[0], hopes[0], used = start, -1, 0.0, 1
     heads[current % num_buckets] = 0
     while waiting > 0:
@@ -109,22 +95,26 @@ def search(
         state[node] = done
         base = g[node]
         half = 0.5 * weight[cost[node]]
+        row, column = node // width - goal_row, node % width - goal_column
         for k in range(8):
             neighbour = node + steps[k]
             toll = weight[cost[neighbour]]
             if toll == np.inf:
                 continue
-            if lengths[k] > 1.0 and max(weight[cost[node + sides[k, 0]]], weight[cost[node + sides[k, 1]]]) == np.inf:
+            if (
+                lengths[k] > 1.0
+                and max(weight[cost[node + columns[k]]], weight[cost[node + rows[k] * width]]) == np.inf
+            ):
                 continue
             cheaper = base + lengths[k] * (half + 0.5 * toll)
-            if state[neighbour] >= opened and g[neighbour] <= cheaper:
+            if state[neighbour] >= opened and g[neighbour] <= cheaper + HAIR:
                 continue
             g[neighbour] = cheaper
             state[neighbour] = opened
             parent[neighbour] = k
             priority = cheaper
             if guided:
-                priority += lower_bound(landmarks, neighbour, goal, width)
+                priority += lower_bound(landmarks, neighbour, goal, abs(row + rows[k]), abs(column + columns[k]))
             if neighbour == goal:
                 known = cheaper
             if priority > known - HAIR:

@@ -14,7 +14,7 @@ from slamcli.navigation.explore_parameters import ExploreParameters
 from slamcli.navigation.frontiers import Frontier, FrontierSearch
 
 _SAME_M = 1.0
-"""A frontier whose goal lies so near to the present goal is taken for the same one: it shrinks and moves as the map grows."""
+"""A frontier that comes so near to the present goal is taken for the same one: it shrinks and moves as the map grows."""
 _NEW_GOAL_M = 0.05
 """A goal that moved by less is the same goal."""
 _PROGRESS_M = 0.05
@@ -85,6 +85,7 @@ class Exploration:
         self._retries = parameters.blacklist_retries
         self._frontiers: tuple[Frontier, ...] = ()
         self._looked_s = -math.inf
+        self._same_m = _SAME_M
         self._said: list[str] = []
 
     @property
@@ -120,7 +121,7 @@ class Exploration:
             return self._directive()
         self._watch(pose, time_s)
         if time_s - self._looked_s >= 1.0 / self._parameters.planner_frequency - 1e-9:
-            self._looked_s = time_s
+            self._looked_s, self._same_m = time_s, max(_SAME_M, 2.0 * resolution_m)
             self._frontiers = self._search.find(costs, origin_m, resolution_m, pose)
             self._choose(pose, time_s)
         return self._directive()
@@ -183,16 +184,17 @@ class Exploration:
         if self._pursuit is None:
             return best
         goal = self._pursuit.goal
-        same = [one for one in candidates if math.hypot(*(one.goal[:2] - goal[:2])) < _SAME_M]
-        if not same:
+        apart = [_distance_m(one, goal) for one in candidates]
+        nearest = int(np.argmin(apart))
+        if apart[nearest] > self._same_m:
             return best
-        present = min(same, key=lambda one: math.hypot(*(one.goal[:2] - goal[:2])))
+        present = candidates[nearest]
         return best if best.cost < present.cost - self._parameters.goal_hysteresis else present
 
     def _pursue(self, frontier: Frontier, pose: NDArray[np.float64], time_s: float) -> None:
         before, goal = self._pursuit, frontier.goal
         left_m = math.hypot(*(goal[:2] - pose[:2]))
-        if before is not None and math.hypot(*(goal[:2] - before.goal[:2])) < _SAME_M:
+        if before is not None and _distance_m(frontier, before.goal) <= self._same_m:
             # The same frontier, seen better. It may run ahead of the robot: then that has to drive for it to be progress.
             if math.hypot(*(goal[:2] - before.goal[:2])) > _NEW_GOAL_M:
                 before.goal = goal
@@ -243,3 +245,8 @@ class Exploration:
 
     def _is_near(self, goal: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
         return bool(np.abs(goal[:2] - other[:2]).max() < self._parameters.blacklist_radius)
+
+
+def _distance_m(frontier: Frontier, goal: NDArray[np.float64]) -> float:
+    """Return how near a frontier comes to a goal."""
+    return float(np.hypot(*(frontier.points - goal[:2]).T).min())

@@ -54,6 +54,14 @@ class ExploreParameters:
         " is, which may lie in a wall (as explore_lite).",
         extension=True,
     )
+    goal_clearance: float = parameter(
+        1.0,
+        "With snap_goal: so much farther from the frontier's point a goal may lie that costs nothing, instead of one beside a wall (cost 252).",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        extension=True,
+    )
     distance: str = parameter(
         "way",
         "What potential_scale counts: the shortest way over known cells, or the straight line (as explore_lite).",
@@ -80,7 +88,7 @@ class ExploreParameters:
         extension=True,
     )
     goal_hysteresis: float = parameter(
-        0.5, "By so much another frontier must cost less than the present one for the robot to turn to it (explore_lite: 0).",
+        2.0, "By so much another frontier must cost less than the present one for the robot to turn to it (explore_lite: 0).",
         minimum=0.0, extension=True,
     )  # fmt: skip
     blacklist_radius: float = parameter(

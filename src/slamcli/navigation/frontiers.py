@@ -27,6 +27,8 @@ class Frontier:
 
     cells: NDArray[np.int64]
     """int64 (N, 2), row and column."""
+    points: NDArray[np.float64]
+    """float64 (N, 2), their centres."""
     centroid: NDArray[np.float64]
     """float64 (2,), mean of the cells."""
     middle: NDArray[np.float64]
@@ -168,17 +170,25 @@ class _View:
         named = {"centroid": points.mean(axis=0), "middle": points[closest], "initial": points[first]}
         goal = named[p.goal_point]
         if p.snap_goal:
-            goal = self._points(near[[int(np.argmin(((points - goal) ** 2).sum(axis=1)))]])[0]
+            goal = self._beside(goal, points, near)
         distance_m = float(apart[closest])
         way_m = float(self.length[near[first]]) * self.resolution_m / kernels.STRAIGHT
         gain_m = len(cells) * self.resolution_m if p.gain == "size" else self._visible_m(goal, number)
         travel = way_m if p.distance == "way" else distance_m
         return Frontier(
-            cells=np.column_stack(np.divmod(cells, self.costs.shape[1])) - 1, **named,
+            cells=np.column_stack(np.divmod(cells, self.costs.shape[1])) - 1, points=points, **named,
             goal=np.append(goal, self._heading(goal, named["centroid"])), length_m=len(cells) * self.resolution_m,
             distance_m=distance_m, way_m=way_m, gain_m=gain_m,
             cost=p.potential_scale * travel * self.resolution_m - p.gain_scale * gain_m,
         )  # fmt: skip
+
+    def _beside(
+        self, point: NDArray[np.float64], points: NDArray[np.float64], near: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Return the centre (2,) of a reached cell: that of the frontier cell nearest to a point, rather not beside a wall."""
+        dearness = self.costs.ravel()[near] / 252.0
+        far_m = np.hypot(*(points - point).T) + self.parameters.goal_clearance * dearness
+        return self._points(near[[int(np.argmin(far_m))]])[0]
 
     def _points(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the centres (N, 2) of cells (N,)."""

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from slamcli.navigation import _search_kernels as kernels
 from slamcli.navigation.search_space import Cell, SearchGrid, UnreachableError, sample_space
 
-_BUCKET = 0.25
+_BUCKET = 0.02
+"""Width of a priority bucket in cells: cells of one bucket may be taken up again, so A* in wide halls asks for narrow ones."""
 _MAX_BUCKETS = 1 << 20
 _NUM_LANDMARKS = 16
 _MAX_LANDMARK_CELLS = 1 << 21

@@ -13,6 +13,7 @@ from slamcli.navigation import _navfn_kernels as navfn_kernels
 from slamcli.navigation import _potential_kernels as kernels
 from slamcli.navigation.costmap import LETHAL, NO_INFORMATION
 from slamcli.navigation.navfn import STEP_CELLS
+from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import Cell, SearchGrid, UnreachableError, sample_space
 
 COST_FACTOR = 3.0
@@ -182,7 +183,7 @@ def potential_tolls(space: SearchGrid) -> NDArray[np.float32]:
 
 def warm() -> None:
     """Compile the kernels of this module."""
-    space = sample_space()
-    for cell in ((0, 0), (3, 3)):
-        search = PotentialSearch(space)
-        search.find(cell, (3 - cell[0], 3 - cell[1]))
+    for dijkstra in (True, False):
+        for grid_path in (True, False):
+            parameters = PlannerParameters(outline_map=False, use_dijkstra=dijkstra, use_grid_path=grid_path)
+            PotentialSearch(sample_space(parameters)).find((0, 0), (3, 3))

@@ -100,8 +100,10 @@ def _blocked(*, allow_unknown: bool) -> NDArray[np.bool_]:
     return blocked
 
 
-def sample_space() -> SearchSpace:
+def sample_space(parameters: PlannerParameters | None = None) -> SearchSpace:
     """Return a space of four by four cells with one obstacle, to compile kernels on."""
     cells = np.zeros((4, 4), dtype=np.int8)
     cells[1, 2] = OccupancyGrid.OCCUPIED
-    return SearchSpace.build(compute_costmap(OccupancyGrid(cells, 0.1), CostmapParameters()), PlannerParameters())
+    return SearchSpace.build(
+        compute_costmap(OccupancyGrid(cells, 0.1), CostmapParameters()), parameters or PlannerParameters()
+    )

@@ -43,12 +43,13 @@ class Animation(LoopListener):
 
     Parameters
     ----------
-    T_base_laser
-        float64 (3,): where the scanner sits.
+    T_base_laser, upside_down
+        float64 (3,): where the scanner sits, and whether its z axis points down.
     """
 
-    def __init__(self, T_base_laser: Array) -> None:
+    def __init__(self, T_base_laser: Array, *, upside_down: bool = False) -> None:
         self._T_base_laser = np.asarray(T_base_laser, dtype=np.float64)
+        self._side = -1.0 if upside_down else 1.0
         self._maps: list[_PackedGrid] = []
         self._moments: list[Snapshot] = []
         self._every = 1
@@ -169,7 +170,7 @@ class Animation(LoopListener):
         ranges = scan.ranges_m.astype(np.float64)
         hit = (ranges >= scan.range_min_m) & (ranges < scan.range_max_m)
         angles = scan.angles_rad[hit]
-        ends = ranges[hit, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        ends = ranges[hit, None] * np.column_stack([np.cos(angles), self._side * np.sin(angles)])
         return se2.transform_points(se2.compose(T_map_base, self._T_base_laser), ends)
 
     def _frames(self) -> Iterator[NDArray[np.uint8]]:

@@ -22,6 +22,7 @@ from slamcli.navigation.scan_observation import observe_scan
 from slamcli.pipelines.localisers import Localiser
 from slamcli.pipelines.loop_listener import LoopListener
 from slamcli.pipelines.unexpected import WallMask
+from slamcli.recordings.scan_normalisation import turn_counter_clockwise
 from slamcli.simulation.contact import Contact
 from slamcli.simulation.plant import Plant
 
@@ -167,15 +168,23 @@ class ClosedLoop:
             listener.on_people(self.time_s, plant.discs())
 
     def _scan(self) -> None:
-        scan = self.plant.scan()
+        told = self.plant.scan()
+        scan = self._seen_from_above(told)
         is_new = self.localiser.on_scan(scan, self._pose_odom, self.plant.T_base_laser)
         self._observe(scan)
         for listener in self.listeners:
-            listener.on_scan(self.time_s, scan)
+            listener.on_scan(self.time_s, told)
             if is_new:
                 where = self.localiser
                 listener.on_localisation(self.time_s, where.T_map_odom, where.covariance, where.particles)
         self._take_map()
+
+    def _seen_from_above(self, scan: LaserScan) -> LaserScan:
+        """Return the scan with beams that run counter-clockwise, as everything that takes `T_base_laser` expects it."""
+        p = self.plant.parameters
+        if not p.laser_upside_down and not p.laser_clockwise:
+            return scan
+        return turn_counter_clockwise(scan, mirrored=p.laser_upside_down)
 
     def _take_map(self) -> None:
         grid = self.localiser.new_map()

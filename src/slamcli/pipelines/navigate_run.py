@@ -70,7 +70,7 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
         folder = stack.enter_context(atomic_directory(request.output)) if request.output is not None else None
         targets = _Targets(request, folder)
         counts: Mapping[str, int] = {}
-        animation = Animation(robot.plant.T_base_laser)
+        animation = Animation(robot.plant.T_base_laser, upside_down=robot.plant.parameters.laser_upside_down)
         if targets.film is not None:
             robot.listen(animation)
         with _recording(targets.recording, robot) as recording:

@@ -65,8 +65,9 @@ class NavigationRecording(LoopListener):
         ``.mcap`` and ``.db3`` (ROS 2), ``.bag`` (ROS 1), or a folder.
     start_ns
         Stamp of the time 0; scans and odometry carry their own stamps, which count from the same time.
-    T_base_laser, laser_frame, laser_height_m
-        Where the scanner sits: (3,) x, y, yaw in the base frame, its frame's name, and metres above the base.
+    T_base_laser, laser_frame, laser_height_m, upside_down
+        Where the scanner sits: (3,) x, y, yaw in the base frame, its frame's name, metres above the base, and whether its z
+        axis points down.
     base_frame
         Name of the robot's frame.
     rates
@@ -75,7 +76,7 @@ class NavigationRecording(LoopListener):
 
     def __init__(
         self, path: str | os.PathLike[str], *, start_ns: int, T_base_laser: Array, laser_frame: str = "laser",
-        laser_height_m: float = 0.0, base_frame: str = "base_link", rates: RecordingRates | None = None,
+        laser_height_m: float = 0.0, upside_down: bool = False, base_frame: str = "base_link", rates: RecordingRates | None = None,
     ) -> None:  # fmt: skip
         self.counts: Counter[str] = Counter()
         """Number of messages by topic."""
@@ -86,7 +87,8 @@ class NavigationRecording(LoopListener):
         self._mount = FrameTransform(
             stamp_ns=start_ns, parent_frame_id=base_frame, child_frame_id=laser_frame,
             position_m=np.array([T_base_laser[0], T_base_laser[1], laser_height_m]),
-            quat_xyzw=quaternion.from_yaw(np.asarray(T_base_laser, dtype=np.float64)[2:])[0], static=True,
+            quat_xyzw=quaternion.from_roll_pitch_yaw(math.pi if upside_down else 0.0, 0.0, float(T_base_laser[2])),
+            static=True,
         )  # fmt: skip
         self._T_map_odom: Array | None = None
         self._odometry: Odometry | None = None

@@ -35,5 +35,5 @@ def recording_of(
         )
     return NavigationRecording(
         path, start_ns=round(p.clock_start * 1e9), T_base_laser=plant.T_base_laser, laser_frame=laser.FRAME,
-        laser_height_m=p.laser_z, base_frame=p.robot_base_frame, rates=rates,
+        laser_height_m=p.laser_z, upside_down=p.laser_upside_down, base_frame=p.robot_base_frame, rates=rates,
     )  # fmt: skip

@@ -68,7 +68,7 @@ def label(costs: Bytes, labels: Ints, stack: Ints) -> int:
 
 @njit(cache=True, nogil=True)
 def outline_distance(outline: Floats, closed: bool, pose: Floats, px: float, py: float) -> float:
-    """Return the distance of a point from the outline of a robot at a pose; 0 inside a closed one."""
+    """Return the distance of a point from the outline of a robot at a pose; negative inside a closed one."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     dx, dy = px - pose[0], py - pose[1]
     bx, b_y = c * dx + s * dy, c * dy - s * dx
@@ -84,7 +84,7 @@ def outline_distance(outline: Floats, closed: bool, pose: Floats, px: float, py:
         best = min(best, np.sqrt(gx * gx + gy * gy) - outline[k, 4])
         if closed and (y1 > b_y) != (y1 + ey > b_y) and bx < x1 + (b_y - y1) / ey * ex:
             inside = not inside
-    return 0.0 if inside else best
+    return -best if inside else best
 
 
 @njit(cache=True, nogil=True)
@@ -243,12 +243,12 @@ def stands_free(
 def way_is_blocked(
     costs: Bytes, origin_x: float, origin_y: float, resolution: float, path: Floats, lenient_m: float
 ) -> bool:
-    """Whether a path crosses cells of cost 253 or 254; within `lenient_m` of its ends only 254 counts."""
+    """Whether a path crosses cells of cost 253 or 254; of stretches within `lenient_m` of its ends only 254."""
     last = path.shape[0] - 1
     for i in range(last):
         away = min(
-            (path[i, 0] - path[0, 0]) ** 2 + (path[i, 1] - path[0, 1]) ** 2,
-            (path[i + 1, 0] - path[last, 0]) ** 2 + (path[i + 1, 1] - path[last, 1]) ** 2,
+            (path[i + 1, 0] - path[0, 0]) ** 2 + (path[i + 1, 1] - path[0, 1]) ** 2,
+            (path[i, 0] - path[last, 0]) ** 2 + (path[i, 1] - path[last, 1]) ** 2,
         )
         limit = INSCRIBED if away > lenient_m * lenient_m else LETHAL
         if not line_is_free(

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from slamcli.parameters import parameter
 
-_FEASIBLE_ONLY = "Accepted; a band is driven if it is free of collisions, whatever its cost."
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HomotopyParameters:
@@ -107,7 +105,5 @@ class RecoveryParameters:
     oscillation_filter_duration: float = parameter(
         10.0, "Time over which means are taken.", unit="s", minimum=0.1, maximum=1000.0
     )
-    divergence_detection_enable: bool = parameter(False, _FEASIBLE_ONLY, effective=False)
-    divergence_detection_max_chi_squared: float = parameter(
-        10.0, _FEASIBLE_ONLY, minimum=0.0, maximum=1e9, effective=False
-    )
+    divergence_detection_enable: bool = parameter(False, "Give no velocity from a band whose cost is too great.")
+    divergence_detection_max_chi_squared: float = parameter(10.0, "That bound.", minimum=0.0, maximum=1e9)

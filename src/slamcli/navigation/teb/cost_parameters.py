@@ -8,6 +8,16 @@ from typing import Any
 
 from slamcli.parameters import parameter
 
+_CONVERTERS = (
+    *(
+        "CostmapToPolygonsDBSMCCH",
+        "CostmapToPolygonsDBSConcaveHull",
+        "CostmapToLinesDBSMCCH",
+        "CostmapToLinesDBSRANSAC",
+    ),
+    "CostmapToDynamicObstacles",
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObstacleParameters:
@@ -56,7 +66,10 @@ class ObstacleParameters:
         5.0, "Of those farther off only the nearest on either side, within so many.", minimum=0.0, maximum=100.0
     )
     costmap_converter_plugin: str = parameter(
-        "", "Accepted; obstacles are always the cells at the edge of what is occupied.", effective=False
+        "",
+        "CostmapToDynamicObstacles: follow small groups of obstacle cells, and expect those that move to go on. Others make"
+        " lines or polygons of cells, and change nothing here: obstacles are the cells at the edge of what is occupied.",
+        choices=("", *(f"costmap_converter::{name}" for name in _CONVERTERS)),
     )
     costmap_converter_spin_thread: bool = parameter(True, "Accepted; no meaning offline.", effective=False)
     costmap_converter_rate: int = parameter(5, "Accepted; no meaning offline.", minimum=1, effective=False)

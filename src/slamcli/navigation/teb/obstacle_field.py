@@ -58,7 +58,7 @@ class ObstacleField:
         return float(min(room, self.clearance_m(path[-1:])[0]) if to_goal else room)
 
     def clearance_m(self, poses: Array) -> Array:
-        """Return the distance of the costmap's footprint, at poses (N, 3), to the nearest obstacle point, 0 inside."""
+        """Return the distance of the costmap's footprint, at poses (N, 3), to the nearest obstacle point, negative inside."""
         values = np.empty(len(poses))
         outline = polygon(self.costmap.footprint)
         kernels.clearances(outline.segments, True, np.ascontiguousarray(poses), self.points, values)

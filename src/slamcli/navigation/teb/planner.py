@@ -15,6 +15,7 @@ from slamcli.navigation.teb.alternatives import Alternative, Alternatives
 from slamcli.navigation.teb.band import Band
 from slamcli.navigation.teb.command import first_twist, saturated, steering
 from slamcli.navigation.teb.local_plan import spaced, trimmed
+from slamcli.navigation.teb.moving_obstacles import PLUGIN, MovingObstacles
 from slamcli.navigation.teb.obstacle_field import ObstacleField, obstacle_field
 from slamcli.navigation.teb.optimise import BandOptimiser
 from slamcli.navigation.teb.oscillation import HorizonBackup, OscillationRecovery
@@ -22,6 +23,7 @@ from slamcli.navigation.teb.parameters import TebParameters
 
 Array = NDArray[np.float64]
 _NO_NEARER_M = 0.005
+_CHECK_EVERY_RAD = 0.2
 
 
 class TebPlanner:
@@ -57,6 +59,7 @@ class TebPlanner:
         self._oscillation = OscillationRecovery(parameters, control_period_s)
         self._horizon = HorizonBackup(parameters)
         self._discs = np.zeros((0, 5))
+        self._moving = MovingObstacles() if parameters.obstacles.costmap_converter_plugin == PLUGIN else None
         self._via_points_left = 0
 
     @property
@@ -98,7 +101,7 @@ class TebPlanner:
             state.pose_odom,
             behind_m=rules.obstacles.costmap_obstacles_behind_robot_dist,
             use_cells=rules.obstacles.include_costmap_obstacles,
-            discs=self._discs,
+            discs=self._moving_discs(state, costmap),
         )
         optimiser = BandOptimiser(
             rules,
@@ -111,15 +114,11 @@ class TebPlanner:
         bands = self._alternatives.plan(path, optimiser, obstacles, state.time_s)
         band = self._first_feasible(bands, obstacles, state)
         twist = saturated(first_twist(band, rules), rules.robot)
-        if not np.isfinite(twist).all():
-            self._alternatives.clear()
-            raise NoCommandError("the band diverged: no velocity comes from it")
+        cost = self._checked_cost(twist)
         self._oscillation.observe(twist, state.time_s)
         if rules.robot.cmd_angle_instead_rotvel:
             twist[2] = steering(twist, rules.robot)
-        chosen = self._alternatives.kept[0].costs
-        total = 0.0 if chosen is None else chosen.time + chosen.obstacles + chosen.via_points + chosen.other
-        return LocalCommand(twist=twist, trajectory=band.poses, cost=float(total))
+        return LocalCommand(twist=twist, trajectory=band.poses, cost=cost)
 
     def is_goal_reached(self, state: RobotState) -> bool:
         """Whether the robot stands at the goal, within tolerances."""
@@ -135,6 +134,22 @@ class TebPlanner:
         left = rules.complete_global_plan and self._via_points_left > 0
         return bool((stands or rules.free_goal_vel) and not left)
 
+    def _checked_cost(self, twist: Array) -> float:
+        """Return what the chosen band costs."""
+        costs, bounds = self._alternatives.kept[0].costs, self._parameters.recovery
+        total = 0.0 if costs is None else costs.time + costs.obstacles + costs.via_points + costs.other
+        diverged = bounds.divergence_detection_enable and total > bounds.divergence_detection_max_chi_squared
+        if diverged or not np.isfinite(twist).all():
+            self._alternatives.clear()
+            raise NoCommandError(f"the band diverged: it costs {total:.3g}")
+        return float(total)
+
+    def _moving_discs(self, state: RobotState, costmap: CostWindow) -> Array:
+        """Return what is known to move, or else what is seen to."""
+        if self._moving is None or len(self._discs):
+            return self._discs
+        return self._moving.observe(costmap, state.time_s)
+
     def _local_plan(self, plan: LocalPlan, state: RobotState, costmap: CostWindow) -> tuple[Array, Array, bool]:
         """Return the local plan from the robot on, float64 (N, 3), N >= 2, via-points on it (V, 2), and if it is all."""
         rules = self._parameters.trajectory
@@ -146,7 +161,7 @@ class TebPlanner:
 
     def _first_feasible(self, bands: tuple[Band, ...], obstacles: ObstacleField, state: RobotState) -> Band:
         rules = self._parameters.trajectory
-        for band in bands:
+        for place, band in enumerate(bands):
             poses = band.poses
             if rules.feasibility_check_no_poses >= 0:
                 poses = poses[: rules.feasibility_check_no_poses + 1]
@@ -155,6 +170,7 @@ class TebPlanner:
                 poses = poses[: int(np.argmax(far))] if far.any() else poses
             if self._is_feasible(poses, obstacles):
                 self._horizon.observe(feasible=True, time_s=state.time_s)
+                self._alternatives.drop_first(place)
                 return band
         self._horizon.observe(feasible=False, time_s=state.time_s)
         self._alternatives.clear()
@@ -165,7 +181,7 @@ class TebPlanner:
 
         One that touches an obstacle already, because this came to it or cells are coarse, may where it comes no nearer.
         """
-        step_rad = self._parameters.trajectory.min_resolution_collision_check_angular
+        step_rad = min(self._parameters.trajectory.min_resolution_collision_check_angular, _CHECK_EVERY_RAD)
         if obstacles.collision(poses, step_rad) < 0:
             return True
         if obstacles.collision(poses[:1], step_rad) < 0:
