@@ -44,7 +44,8 @@ _TYPES: Mapping[str, type] = {
     "simulation": SimulationParameters,
     **{kind: planner.parameters for kind, planner in LOCAL_PLANNERS.items()},
 }
-_TITLES = {"monitor": "collision_monitor", **{kind: planner.section for kind, planner in LOCAL_PLANNERS.items()}}
+_TITLES: dict[str, str] = {"monitor": "collision_monitor"}
+_TITLES.update({kind: planner.section for kind, planner in LOCAL_PLANNERS.items()})
 _KNOWN = {section: {entry.name: entry for entry in declarations(kind)} for section, kind in _TYPES.items()}
 _LOCAL: Mapping[str, LocalPlannerKind] = {planner.section: kind for kind, planner in LOCAL_PLANNERS.items()}
 _OF_BOTH = frozenset(_KNOWN["move_base"]) & frozenset(entry.name for entry in declarations(CostmapParameters))
