@@ -265,7 +265,7 @@ class Navigator:
         costmap = self.config.global_costmap.costmap
         radius = COSTMAP_2D_ROBOT_RADIUS_M if costmap.robot_radius is None else costmap.robot_radius
         body: dict[str, Any] = {"robot.radius": max(radius, 0.02), "robot.footprint": costmap.footprint}
-        return resolve_settings(ROBOT_SETTINGS, body, {"people.count": people}, place.settings, self.config.simulation)
+        return resolve_settings(ROBOT_SETTINGS, {"people.count": people}, place.settings, body, self.config.simulation)
 
     def _localised(
         self,
