@@ -8,6 +8,8 @@ import math
 import numpy as np
 from numba import njit
 
+_BEHIND = 0.2  # cosine between a beam and the slope of the distance from which on the beam has passed the wall
+
 
 @njit(cache=True, nogil=True)
 def _distance(distances, column, row, out):
@@ -41,10 +43,14 @@ def _linearise(points, pose, frame, distances, noise, scale, hessian, gradient):
         px, py = c * points[m, 0] - s * points[m, 1], s * points[m, 0] + c * points[m, 1]
         if not _distance(distances, (x + px) * per_metre, (y + py) * per_metre, found):
             continue
-        d = found[0] - half  # to the face of the wall's cell, negative behind it
+        u, v = found[1] * per_metre, found[2] * per_metre
+        if u * px + v * py > _BEHIND * math.sqrt(px * px + py * py) and found[0] < 3.0 * half:
+            # Past the middle of a thin wall: the face that the beam met is the one before it.
+            d, u, v = -found[0] - half, -u, -v
+        else:
+            d = found[0] - half  # to the face of the wall's cell, negative within it
         weight = math.exp(-d * d / (2.0 * scale * scale))
         fit += weight
-        u, v = found[1] * per_metre, found[2] * per_metre
         jx, jy, ja = gc * u - gs * v, gs * u + gc * v, v * px - u * py
         k = weight / (noise * noise)
         hessian[0, 0] += k * jx * jx

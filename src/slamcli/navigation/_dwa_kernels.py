@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Compiled scoring of sampled motions: rollout, footprint, and the critics of DWAPlannerROS in one pass."""
+"""Compiled scoring of sampled motions: rollout, footprint, and the critics of DWAPlannerROS in one pass.
+
+One file, as a kernel calls helpers of its own file only.
+"""
 
 from __future__ import annotations
 

@@ -105,7 +105,5 @@ class RecoveryParameters:
     oscillation_filter_duration: float = parameter(
         10.0, "Time over which means are taken.", unit="s", minimum=0.1, maximum=1000.0
     )
-    divergence_detection_enable: bool = parameter(False, "Give up a band whose cost per residual is too great.")
-    divergence_detection_max_chi_squared: float = parameter(
-        10.0, "That bound, on the greatest cost of one obstacle residual.", minimum=0.0, maximum=1e9
-    )
+    divergence_detection_enable: bool = parameter(False, "Give no velocity from a band whose cost is too great.")
+    divergence_detection_max_chi_squared: float = parameter(10.0, "That bound.", minimum=0.0, maximum=1e9)
