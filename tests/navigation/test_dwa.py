@@ -313,3 +313,17 @@ def test_backs_up_last() -> None:
     planner.set_plan(line(-1.2, 0.0))
     twist = planner.compute_command(standing((-0.05, 0.0, 0.0)), window(occupied, footprint=long)).twist
     assert twist[0] <= -0.1
+
+
+def test_a_goal_that_is_cut_off_is_approached_within_its_tolerance() -> None:
+    occupied = np.zeros((60, 60))
+    occupied[:, 43] = 100  # the face is 0.65 m ahead: the last cell that the centre may be on is 0.5 m ahead
+    parameters = DwaParameters(max_vel_y=0.0, min_vel_y=0.0, xy_goal_tolerance=0.6)
+    near = DwaPlanner(parameters)
+    near.set_plan(line(1.0, 0.0))
+    pose = (0.15, 0.0, 0.0)
+    assert near.compute_command(standing((0.1, 0.0, 0.0), pose), window(occupied)).twist[0] >= 0.1
+    exact = DwaPlanner(dataclasses.replace(parameters, xy_goal_tolerance=0.1))
+    exact.set_plan(line(1.0, 0.0))
+    with pytest.raises(NoCommandError, match="the plan is blocked"):
+        exact.compute_command(standing((0.1, 0.0, 0.0), pose), window(occupied))

@@ -257,9 +257,18 @@ class DwaScoring:
         steps = self._grids[2].reshape(-1)[cells]
         near = np.flatnonzero((steps < self._grids[2].size) & (self._costmap.costs.reshape(-1)[cells] < INSCRIBED))
         way_m = float(steps[near[-1]]) * self._costmap.resolution_m if len(near) else 0.0
-        if way_m < _LEAST_WAY_M:
+        if way_m < _LEAST_WAY_M and not (len(near) and self._is_at_goal(int(cells[near[-1]]))):
             raise NoCommandError(f"the plan is blocked {way_m:.2f} m ahead")
         return cells[near[-1] : near[-1] + 1]
+
+    def _is_at_goal(self, cell: int) -> bool:
+        """Whether a cell is within the tolerance of a goal that the robot is to stop at."""
+        (x, y), resolution = self._costmap.origin_m, self._costmap.resolution_m
+        row, column = divmod(cell, self._shape[1])
+        offset = math.hypot(
+            x + (column + 0.5) * resolution - self._goal[0], y + (row + 0.5) * resolution - self._goal[1]
+        )
+        return bool(offset <= self._goal[2])
 
     def _spread(self, place: int, targets: NDArray[np.int64]) -> None:
         height, width = self._shape
