@@ -28,7 +28,8 @@ from slamcli.navigation.local_planners import build_local_planner
 from slamcli.navigation.move_base import MoveBase, Phase
 from slamcli.navigation.planner_methods import Method
 from slamcli.navigation.recovery import build_recoveries
-from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Drive, Rates
+from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Rates
+from slamcli.pipelines.drive_record import Drive
 from slamcli.pipelines.generate import open_world
 from slamcli.pipelines.known_map import KnownMap
 from slamcli.pipelines.live_slam import build_live_slam
@@ -265,7 +266,7 @@ class Navigator:
         costmap = self.config.global_costmap.costmap
         radius = COSTMAP_2D_ROBOT_RADIUS_M if costmap.robot_radius is None else costmap.robot_radius
         body: dict[str, Any] = {"robot.radius": max(radius, 0.02), "robot.footprint": costmap.footprint}
-        return resolve_settings(ROBOT_SETTINGS, body, {"people.count": people}, place.settings, self.config.simulation)
+        return resolve_settings(ROBOT_SETTINGS, {"people.count": people}, place.settings, body, self.config.simulation)
 
     def _localised(
         self,
