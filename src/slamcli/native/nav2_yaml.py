@@ -211,9 +211,7 @@ def _of_planner(part: _Part) -> Iterator[Setting]:
         yield Setting("base_global_planner", method, plugin.file, plugin.line)
     elif plugin is not None:
         part.read.discard(f"{name}/plugin")
-    yield from part.renamed(
-        {"tolerance": "default_tolerance", **{name: name for name in _PLANNER}}, f"{name}/", "planner/"
-    )
+    yield from part.renamed(_PLANNER, f"{name}/", "planner/")
     limit = part.given.get(f"{name}/max_iterations")
     if limit is not None and isinstance(limit.value, int) and limit.value > 0:
         yield from part.renamed({"max_iterations": "max_iterations"}, f"{name}/", "planner/")

@@ -115,6 +115,7 @@ class _Reader:
         self._name = name
         self._entries: dict[str, tuple[Any, str]] = {}
         self._loose: set[str] = set()
+        self._foreign: set[str] = set()
         self.sources: dict[str, str] = {}
         """Where each value stands that was taken, by costmap, layer, source and name."""
         self.without_effect: list[str] = []
@@ -171,6 +172,7 @@ class _Reader:
             if kind.rpartition(":")[2] in _KINDS:
                 found.append(_Layer(name, _KINDS[kind.rpartition(":")[2]]))
             else:
+                self._foreign.add(name)
                 notes.append(
                     f"{self._name} costmap: layer {name!r} of type {kind or 'unknown'!r} has no counterpart here"
                 )
@@ -230,7 +232,7 @@ class _Reader:
         head, _, rest = name.partition(".")
         if name in ALIASES or name in _MOVED or name == "observation_sources" or head in self._top_sources():
             return True
-        if name == "plugins" or name in _NO_MEANING or rest == "plugin":
+        if name == "plugins" or name in _NO_MEANING or rest == "plugin" or head in self._foreign:
             return False
         if rest and head in _USUAL_LAYERS:
             if name not in self._loose:
