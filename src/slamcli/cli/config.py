@@ -27,7 +27,7 @@ def command() -> None:
     "--algo",
     default="gmapping",
     show_default=True,
-    help="A SLAM system, or navigation (what plan reads), or simulation (what generate reads).",
+    help="A SLAM system, or navigation (the whole stack), plan (what plan reads), simulation (what generate reads).",
 )
 @click.option(
     "--config",

@@ -118,7 +118,7 @@ class Navigator:
     slam
         Map while driving, instead of a map.
     global_planner
-        Of `slamcli plan`.
+        Of `slamcli plan`; None: what the configuration says.
     dwa_scaling
         How DWA's weights are meant: noetic, or kinetic and older.
     people
@@ -145,7 +145,7 @@ class Navigator:
         world: str | None = None,
         localization: Localization = "amcl",
         slam: SlamChoice | None = None,
-        global_planner: Method = "navfn",
+        global_planner: Method | None = None,
         dwa_scaling: Literal["noetic", "kinetic"] = "noetic",
         people: int = 0,
         seed: int = 0,
@@ -168,7 +168,7 @@ class Navigator:
         self.plant = Plant(place, settings, start=pose, seed=seed, odometry_start=pose if slam else None)
         self.localiser = self._localised(localization, slam, grid, pose, seed, log)
         self.loop = ClosedLoop(
-            self.plant, self.localiser, self.costmaps, self._move_base(global_planner, dwa_scaling),
+            self.plant, self.localiser, self.costmaps, self._move_base(global_planner or config.global_planner, dwa_scaling),
             self._rates(settings), CollisionMonitor(config.monitor, self.costmaps.world.window().circumscribed_radius_m),
             listeners,
         )  # fmt: skip
@@ -295,7 +295,7 @@ class Navigator:
             config.local_planner, config.local_parameters, 1.0 / config.move_base.controller_frequency, dwa_scaling
         )
         radius = world.window().circumscribed_radius_m
-        recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius)
+        recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius, config.behaviours)
         planner = _CostmapPlanner(LivePlanner(config.planner, global_planner), world)
         return MoveBase(config.move_base, self.costmaps, planner, local, recoveries)
 

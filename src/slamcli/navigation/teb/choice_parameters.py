@@ -21,9 +21,9 @@ class HomotopyParameters:
     max_number_classes: int = parameter(5, "Most alternatives.", minimum=1, maximum=100)
     max_number_plans_in_current_class: int = parameter(
         1,
-        "Alternatives of the same class as the chosen one; more than one never differ for long.",
+        "Accepted; one is kept of each class: several soon are the same.",
         minimum=1,
-        maximum=1,
+        effective=False,
     )
     selection_cost_hysteresis: float = parameter(
         1.0, "The last choice's cost counts times this.", minimum=0.0, maximum=2.0
