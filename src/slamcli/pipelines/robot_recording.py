@@ -14,7 +14,10 @@ from slamcli.simulation.plant import Plant
 
 
 def recording_of(
-    path: str | os.PathLike[str], plant: Plant, config: NavigationConfig | None = None, rates: RecordingRates | None = None
+    path: str | os.PathLike[str],
+    plant: Plant,
+    config: NavigationConfig | None = None,
+    rates: RecordingRates | None = None,
 ) -> NavigationRecording:
     """Return a recording that fits a robot; open it as a context and let the closed loop tell it everything.
 

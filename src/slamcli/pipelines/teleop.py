@@ -19,8 +19,8 @@ from slamcli.grids import OccupancyGrid
 from slamcli.outputs import atomic_file
 from slamcli.parameters import as_dict
 from slamcli.pipelines.navigation_recording import RecordingRates
-from slamcli.pipelines.robot_recording import recording_of
 from slamcli.pipelines.rhythm import TICK_S
+from slamcli.pipelines.robot_recording import recording_of
 from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
 from slamcli.pipelines.teleop_request import TeleopRequest, check_request
 from slamcli.pipelines.teleop_robot import TeleopRobot
@@ -96,6 +96,11 @@ class Teleop:
             raise ConfigError("nothing has been driven yet")
         return self._driven
 
+    def true_map(self) -> OccupancyGrid:
+        """Return the map that a perfect survey of the world would give (cells of `map.resolution`)."""
+        robot = self.robot
+        return free_space.true_map(robot.world, robot.start[:2], robot.plant.parameters.map_resolution)
+
     @contextlib.contextmanager
     def driving(self) -> Iterator[TeleopRobot]:
         """Give the robot; when the block ends without an error it stops, and the recording is moved into place.
@@ -159,8 +164,7 @@ class Teleop:
     def _map(self) -> OccupancyGrid:
         robot = self.robot
         if robot.localiser is None:
-            resolution = robot.plant.parameters.map_resolution
-            return free_space.true_map(robot.world, robot.start[:2], resolution)
+            return self.true_map()
         made = robot.localiser.mapper.finish().grid
         if made is None:
             raise ConfigError(f"--slam {self._request.slam}: this configuration makes no occupancy grid")

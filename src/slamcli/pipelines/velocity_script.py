@@ -114,7 +114,12 @@ def _table_entries(path: Path, text: str) -> list[_Entry]:
         words = [word for word in re.split(r"\s*[,;]\s*|\s+", line.partition("#")[0].strip()) if word]
         if not words:
             continue
-        if header is None and not entries and re.fullmatch(r"[a-z_]+", words[0], re.IGNORECASE) and not _is_number(words[0]):
+        if (
+            header is None
+            and not entries
+            and re.fullmatch(r"[a-z_]+", words[0], re.IGNORECASE)
+            and not _is_number(words[0])
+        ):
             header = _header(path, number, words)
             continue
         entries.append(_entry(path, number, words, header))
@@ -171,7 +176,9 @@ def _yaml_entries(path: Path, text: str) -> list[_Entry]:
     if root is None:
         return []
     if not isinstance(root, yaml.SequenceNode):
-        _fail(path, root.start_mark.line + 1, "not a list: write - [duration, vx, wz] or - {duration: 2, vx: 0.3, wz: 0}")
+        _fail(
+            path, root.start_mark.line + 1, "not a list: write - [duration, vx, wz] or - {duration: 2, vx: 0.3, wz: 0}"
+        )
     return [_yaml_entry(path, node) for node in root.value]
 
 
