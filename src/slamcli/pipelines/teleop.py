@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from slamcli.errors import ConfigError
+from slamcli.errors import ConfigError, DataError, EstimationError, UsageError
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
 from slamcli.grids import OccupancyGrid
@@ -93,7 +93,7 @@ class Teleop:
     def driven(self) -> Driven:
         """What came of it, once the block of `driving` has ended."""
         if self._driven is None:
-            raise ConfigError("nothing has been driven yet")
+            raise UsageError("nothing has been driven yet")
         return self._driven
 
     def true_map(self) -> OccupancyGrid:
@@ -165,7 +165,10 @@ class Teleop:
         robot = self.robot
         if robot.localiser is None:
             return self.true_map()
-        made = robot.localiser.mapper.finish().grid
+        try:
+            made = robot.localiser.mapper.finish().grid
+        except (DataError, EstimationError) as error:
+            raise EstimationError(f"the recording is in {self._request.path}; no map was made: {error}") from error
         if made is None:
             raise ConfigError(f"--slam {self._request.slam}: this configuration makes no occupancy grid")
         return robot.localiser.placed(made)

@@ -71,8 +71,10 @@ def check_request(request: TeleopRequest) -> None:
     image = None if request.map_path is None else request.map_path.with_suffix(".pgm")
     outputs = (request.path, request.record, request.truth, request.map_path, image)
     check_outputs(find_world(request.world), *outputs)
-    if request.script is not None:
-        check_outputs(request.script, *outputs)
+    inputs = {p.resolve() for p in (request.script, *request.slam_files) if p is not None}
+    for target in outputs:
+        if target is not None and target.resolve() in inputs:
+            raise UsageError(f"{target} is read: name another file for the output")
     create_raw(request.path)
     for target in outputs[1:] if not request.path.suffix else outputs:
         if target is not None:

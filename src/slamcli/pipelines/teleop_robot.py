@@ -190,6 +190,12 @@ class TeleopRobot:
 
 def _start(request: TeleopRequest, world: World, p: SimulationParameters) -> Array:
     if request.start is not None:
+        x, y, _ = request.start
+        x0, y0, x1, y1 = world.bounds
+        if not (x0 <= x <= x1 and y0 <= y <= y1):
+            raise UsageError(
+                f"start {x:g},{y:g} is outside world {world.name}: it reaches from {x0:g},{y0:g} to {x1:g},{y1:g}"
+            )
         return np.array(request.start)
     if world.start is not None:
         return np.array(world.start)
@@ -197,6 +203,10 @@ def _start(request: TeleopRequest, world: World, p: SimulationParameters) -> Arr
 
 
 def _warn_of_what_is_missing(p: SimulationParameters, log: RunLog) -> None:
+    if not p.laser_enabled:
+        log.warn(
+            "nothing is scanned: laser.enabled is false; `--set laser.enabled=true` gives the robot a planar scanner"
+        )
     asked = {"imu.enabled": p.imu_enabled, "lidar3d.enabled": p.lidar3d_enabled, "camera.kind": p.camera_kind != "none"}
     missing = [name for name, wanted in asked.items() if wanted]
     if missing:

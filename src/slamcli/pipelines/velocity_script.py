@@ -170,6 +170,9 @@ def _number(path: Path, line: int, name: str, word: str) -> float:
 def _yaml_entries(path: Path, text: str) -> list[_Entry]:
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        _fail(path, 1 if mark is None else mark.line + 1, f"cannot be read as YAML: {error.problem}")
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         said = " ".join(str(error).split())[:200] or type(error).__name__
         raise ConfigError(f"{path}: cannot be read as YAML: {said}") from error
