@@ -288,7 +288,7 @@ def main() -> None:
     parser.add_argument("what", nargs="*", default=["accuracy", "global", "kidnapped", "start", "furniture", "lasers"])
     parser.add_argument("--maps", type=Path, default=Path("../shared/data/maps"))
     parser.add_argument("--worlds", nargs="*")
-    parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--runs", type=int, default=50, help="in the office; a fifth of them elsewhere")
     parser.add_argument("--config", type=Path, default=Path("move_base.launch"))
     parser.add_argument("--set", dest="sets", action="append", default=[])
     parser.add_argument("--json", type=Path)

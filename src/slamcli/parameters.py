@@ -196,6 +196,27 @@ def convert(declaration: Declaration, value: Any) -> Any:
     return converted
 
 
+def convert_at(declaration: Declaration, value: Any, source: str) -> Any:
+    """Return `value` as :func:`convert` does, for files in which numbers are finite.
+
+    Raises
+    ------
+    ConfigError
+        With `source`, the place of the value, if it has the wrong type or range, is a list where one value is declared, or
+        is infinite.
+    """
+    takes_lists = isinstance(declaration.default, str) and declaration.default.startswith("[")
+    if isinstance(value, (list, dict)) and not takes_lists:
+        raise ConfigError(f"{source}: {declaration.name}={value!r}: one value, not a list or map of them")
+    try:
+        converted = convert(declaration, value)
+    except ConfigError as error:
+        raise ConfigError(f"{source}: {error}") from error
+    if isinstance(converted, float) and math.isinf(converted):
+        raise ConfigError(f"{source}: {declaration.name}={value!r}: not a finite number")
+    return converted
+
+
 def _numeric_choice(declaration: Declaration, value: Any) -> bool:
     """Whether a choice parameter such as ``auto|SECONDS`` was given its number."""
     if "NUMBER" not in declaration.choices:

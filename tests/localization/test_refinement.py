@@ -45,17 +45,24 @@ def test_the_normal_equations_equal_the_naive_twins():
     cells = furnished_room().cells
     map_ = LocalizationMap.of(OccupancyGrid(cells, 0.05, (-1.0, -2.0, 0.3)), AmclParameters())
     rng = np.random.default_rng(0)
-    points, pose = rng.uniform(-3, 3, (40, 2)), np.array([2.0, 1.0, 0.6])
+    points, pose = rng.uniform(-3, 3, (400, 2)), np.array([2.0, 1.0, 0.6])
     hessian, gradient = np.empty((3, 3)), np.empty(3)
-    fit = kernels._linearise(points, pose, map_.frame, map_.distances, 0.1, 0.15, hessian, gradient)
-    expected_h, expected_g, weights = np.zeros((3, 3)), np.zeros(3), []
+    fit = kernels._linearise(points, pose, map_.frame, map_.distances, 0.025, 0.1, 0.15, hessian, gradient)
+    expected_h, expected_g, weights, num_behind = np.zeros((3, 3)), np.zeros(3), [], 0
     for point in points:
-        distance = naive_distance(map_.distances, map_.frame, se2.transform_points(pose, [point])[0])
+        at, from_robot = se2.transform_points(pose, [point])[0], np.array([np.cos(pose[2]), np.sin(pose[2])])
+        from_robot = np.array([[from_robot[0], -from_robot[1]], [from_robot[1], from_robot[0]]]) @ point
+        distance = naive_distance(map_.distances, map_.frame, at)
         if distance is None:
             weights.append(0.0)
             continue
-        distance -= 0.025  # to the face of the wall's cell
-        weight = np.exp(-(distance**2) / (2 * 0.15**2))
+
+        def slope_along(way, at=at):
+            ends = [naive_distance(map_.distances, map_.frame, at + s * 1e-7 * way) for s in (1, -1)]
+            return (ends[0] - ends[1]) / 2e-7
+
+        behind = slope_along(from_robot / np.linalg.norm(from_robot)) > 0.2 and distance < 0.075
+        num_behind += behind
         jacobian = np.empty(3)
         for axis in range(3):
             step = np.zeros(3)
@@ -65,9 +72,12 @@ def test_the_normal_equations_equal_the_naive_twins():
                 for s in (1, -1)
             ]
             jacobian[axis] = (ends[0] - ends[1]) / 2e-7
+        jacobian, distance = (-jacobian, -distance - 0.025) if behind else (jacobian, distance - 0.025)
+        weight = np.exp(-(distance**2) / (2 * 0.15**2))
         weights.append(weight)
         expected_h += weight / 0.01 * np.outer(jacobian, jacobian)
         expected_g += weight / 0.01 * jacobian * distance
+    assert num_behind >= 3
     assert fit == pytest.approx(np.mean(weights), rel=1e-6)
     np.testing.assert_allclose(hessian, expected_h, rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(gradient, expected_g, rtol=1e-4, atol=1e-4)
@@ -82,6 +92,16 @@ def test_a_pose_beside_the_truth_comes_back(room):
     assert np.hypot(*(found.pose - truth)[:2]) < 0.01
     assert abs(found.pose[2] - truth[2]) < 0.005
     assert found.fit > 0.9 > fit_of(room, points, start)
+
+
+def test_walls_made_from_scans_are_met_in_the_middle():
+    map_ = LocalizationMap.of(furnished_room(), AmclParameters(wall_depth=0.5))
+    truth = np.array([1.5, 2.0, 0.7])
+    points = points_at(map_, truth)
+    deeper = points * (1.0 + 0.025 / np.linalg.norm(points, axis=1, keepdims=True))
+    found = refine_pose(map_, deeper, truth, np.diag([0.1, 0.1, 0.05]), [truth])
+    assert found is not None
+    assert np.hypot(*(found.pose - truth)[:2]) < 0.015
 
 
 def test_what_the_particles_rule_out_is_not_taken(room):

@@ -257,7 +257,7 @@ def test_a_robot_that_cannot_move_says_why() -> None:
     occupied = np.full((60, 60), 100)
     occupied[27:33, 27:33] = 0
     planner = literal(line(1.0, 0.0))
-    with pytest.raises(NoCommandError, match=r"none of 35 motions will do: 35 have no way to the goal"):
+    with pytest.raises(NoCommandError, match=r"none of 35 motions will do: 35 hit an obstacle"):
         planner.compute_command(standing((0.3, 0.0, 0.0)), window(occupied))
     nowhere = window(np.full((60, 60), -1))
     with pytest.raises(NoCommandError, match="known cell"):
@@ -276,3 +276,54 @@ def test_escapes_from_an_obstacle_and_does_not_go_nearer() -> None:
     leaving.set_plan(line(-1.0, 0.0))
     assert leaving.compute_command(standing((-0.1, 0.0, 0.0)), window(occupied)).twist[0] < 0.0
     assert planner.compute_command(standing(), window(occupied)).twist[0] == 0.0  # a round robot turns
+
+
+def test_drives_up_to_a_block_of_the_plan_and_no_farther() -> None:
+    """A wall across all of the costmap, which the map does not have: its face is 0.9 m ahead, or 0.5 m."""
+    for column, way in ((48, True), (40, False)):
+        occupied = np.zeros((60, 60))
+        occupied[:, column] = 100
+        planner = DwaPlanner(DwaParameters(max_vel_y=0.0, min_vel_y=0.0, vx_samples=5))
+        planner.set_plan(line(1.4, 0.0))
+        if way:
+            assert planner.compute_command(standing((0.2, 0.0, 0.0)), window(occupied)).twist[0] > 0.2
+        else:
+            with pytest.raises(NoCommandError, match=r"the plan is blocked 0\.\d\d m ahead"):
+                planner.compute_command(standing((0.2, 0.0, 0.0)), window(occupied))
+        with pytest.raises(NoCommandError, match="have no way to the goal"):
+            literal(line(1.4, 0.0)).compute_command(standing((0.2, 0.0, 0.0)), window(occupied))
+
+
+def test_the_margin_keeps_off() -> None:
+    occupied = np.zeros((60, 60))
+    occupied[34, 20:50] = 100  # a wall beside the plan whose face is 0.2 m away; the outline reaches 0.11 m
+    sample = (0.3, 0.0, 0.0)
+    assert scored(ORIGINAL, window(occupied), line(1.0, 0.0), sample)["total"] > 0
+    careful = dataclasses.replace(ORIGINAL, footprint_margin=0.1)
+    assert scored(careful, window(occupied), line(1.0, 0.0), sample)["total"] == -6.0
+
+
+def test_backs_up_last() -> None:
+    """In front of a wall, facing it, a rectangle too long to turn between walls: nothing is left but going back."""
+    occupied = np.zeros((60, 60))
+    occupied[20:40, 38] = 100
+    occupied[[25, 34], :] = 100
+    long = ((0.3, 0.12), (-0.3, 0.12), (-0.3, -0.12), (0.3, -0.12))
+    planner = DwaPlanner(DwaParameters(min_vel_x=-0.2, max_vel_y=0.0, min_vel_y=0.0, turn_to_plan=0.6))
+    planner.set_plan(line(-1.2, 0.0))
+    twist = planner.compute_command(standing((-0.05, 0.0, 0.0)), window(occupied, footprint=long)).twist
+    assert twist[0] <= -0.1
+
+
+def test_a_goal_that_is_cut_off_is_approached_within_its_tolerance() -> None:
+    occupied = np.zeros((60, 60))
+    occupied[:, 43] = 100  # the face is 0.65 m ahead: the last cell that the centre may be on is 0.5 m ahead
+    parameters = DwaParameters(max_vel_y=0.0, min_vel_y=0.0, xy_goal_tolerance=0.6)
+    near = DwaPlanner(parameters)
+    near.set_plan(line(1.0, 0.0))
+    pose = (0.15, 0.0, 0.0)
+    assert near.compute_command(standing((0.1, 0.0, 0.0), pose), window(occupied)).twist[0] >= 0.1
+    exact = DwaPlanner(dataclasses.replace(parameters, xy_goal_tolerance=0.1))
+    exact.set_plan(line(1.0, 0.0))
+    with pytest.raises(NoCommandError, match="the plan is blocked"):
+        exact.compute_command(standing((0.1, 0.0, 0.0), pose), window(occupied))

@@ -22,7 +22,6 @@ from slamcli.navigation.live_planner import LivePlanner
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import SearchSpace, UnreachableError
 
-pytestmark = pytest.mark.kernels
 RESOLUTION = 0.1
 RADIUS = 0.5
 OUTLINE = np.array([[0.3, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.3, -0.2]])
@@ -119,6 +118,7 @@ def dead_end() -> SearchSpace:
     return space_of(cells)
 
 
+@pytest.mark.kernels
 def test_a_dead_end_is_left_in_reverse() -> None:
     space = dead_end()
     start, goal = np.array([10.0, 14.5, math.pi]), np.array([48.0, 14.5, math.pi])
@@ -198,6 +198,7 @@ def test_the_live_planner_replans() -> None:
     assert lengths[1] > 4.5
 
 
+@pytest.mark.kernels
 def test_pose_cost_equals_the_brute_check() -> None:
     random = np.random.default_rng(5)
     cells = np.where(random.random((30, 30)) < 0.03, 100, 0).astype(np.int8)

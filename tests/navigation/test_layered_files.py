@@ -64,7 +64,7 @@ def test_mission_files_plain_and_loaded_into_namespaces() -> None:
     found = read_costmaps(of_files(*common, *both, ("base_local_planner_params.yaml", "")))
     check_mission(found)
     assert found.notes == (
-        "accepted without effect: robot_base_frame, sensor_frame, topic (no meaning for a simulated robot)",
+        "accepted without effect: robot_base_frame, sensor_frame, data_type, topic (no meaning for a simulated robot)",
     )
     assert all(name.startswith("DWAPlannerROS") for name, _, _ in found.rest)
     assert len(found.rest) > 10

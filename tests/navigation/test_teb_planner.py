@@ -196,3 +196,26 @@ def test_parameters_carry_the_original_names():
         resolve(TebParameters, {"max_vel_x": "nan"})
     with pytest.raises(ConfigError, match="did you mean min_obstacle_dist"):
         resolve(TebParameters, {"min_obstacle_distance": 0.2})
+
+
+def test_lists_of_points_are_checked_at_once():
+    with pytest.raises(ConfigError, match="no points"):
+        resolve(TebParameters, {"footprint_model.type": "polygon"})
+    with pytest.raises(ConfigError, match="not a list of points"):
+        resolve(TebParameters, {"footprint_model.type": "line", "footprint_model.line_end": "0.3; 0"})
+
+
+def test_a_band_that_costs_too_much_gives_no_command():
+    values = {"divergence_detection_enable": True, "divergence_detection_max_chi_squared": 1e-3}
+    planner = TebPlanner(resolve(TebParameters, values))
+    planner.set_plan(straight_plan())
+    with pytest.raises(NoCommandError, match="diverged"):
+        planner.compute_command(still((0.0, 0.0, 0.0)), empty_window())
+
+
+def test_via_points_are_kept_and_passed():
+    loop = Loop(hall())
+    values = {"global_plan_viapoint_sep": 0.5, "via_points_ordered": True, "weight_viapoint": 10.0}
+    outcome = loop.drive(TebPlanner(resolve(TebParameters, values)), (1.0, 2.0, 0.0), (4.0, 2.0, 0.0), limit_s=60.0)
+    assert outcome.reached
+    assert np.abs(np.array(outcome.track)[:, 1] - 2.0).max() < 0.05

@@ -84,7 +84,7 @@ def test_the_planners_parameters_under_all_their_spellings(tmp_path):
     first = write(
         tmp_path / "a.yaml", "global_costmap:\n  robot_radius: 0.2\n  inflation_layer: {inflation_radius: 0.4}\n"
     )
-    rows = {row.declaration.name: row for row in show("navigation", [first], ["inflation_radius=0.7"]).parameters}
+    rows = {row.declaration.name: row for row in show("plan", [first], ["inflation_radius=0.7"]).parameters}
     assert (rows["robot_radius"].value, rows["robot_radius"].source) == (0.2, f"{first}:2")
     assert (rows["inflation_layer.inflation_radius"].value, rows["inflation_layer.inflation_radius"].source) == (
         0.7,

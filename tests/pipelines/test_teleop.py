@@ -103,13 +103,14 @@ def test_other_containers(tmp_path, name):
     assert messages(made.path)[0]["/odom"] == 11
 
 
-def test_slam_on_the_way_lays_the_map_where_the_world_is(tmp_path):
+@pytest.mark.parametrize("turned", [{}, {"laser.clockwise": True, "laser.upside_down": True}])
+def test_slam_on_the_way_lays_the_map_where_the_world_is(tmp_path, turned):
     teleop = driven(
         tmp_path,
         "6,0.5,0\n",
         slam="gmapping",
         map_path=tmp_path / "m.yaml",
-        settings={"laser.fov": 360, "laser.beams": 181},
+        settings={"laser.fov": 270, "laser.beams": 181, **turned},
     )
     grid = read_map(tmp_path / "m.yaml").grid
     assert teleop.robot.pose == pytest.approx(teleop.robot.plant.pose, abs=0.1)

@@ -27,7 +27,7 @@ def command() -> None:
     "--algo",
     default="gmapping",
     show_default=True,
-    help="A SLAM system, or navigation (what plan reads), or simulation (what generate reads).",
+    help="A SLAM system, or navigation (the whole stack), plan (what plan reads), simulation (what generate reads).",
 )
 @click.option(
     "--config",
@@ -76,9 +76,16 @@ def show_command(
 @command.command("check")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option("--beams", type=click.IntRange(min=1), help="Beams of your scanner, for parameters that depend on it.")
+@click.option(
+    "--range",
+    "range_m",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="METRES",
+    help="How far your scanner sees, likewise.",
+)
 @click.option("--strict", is_flag=True, help="Exit with 1 for warnings as well.")
 @json_option
-def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_json: bool) -> int:
+def check_command(files: Sequence[Path], beams: int | None, range_m: float | None, strict: bool, as_json: bool) -> int:
     """Say what is wrong with native files: launch files, ROS parameter YAML, map YAML, Lua, .ini of RTAB-Map.
 
     An error is what the real system refuses or ignores: an unknown name, a wrong type, a value out of range. A warning
@@ -86,7 +93,7 @@ def check_command(files: Sequence[Path], beams: int | None, strict: bool, as_jso
     """
     from slamcli.pipelines.config import check
 
-    findings = check(files, beams)
+    findings = check(files, beams, range_m)
     counts = {kind: sum(f.severity == kind for f in findings) for kind in ("error", "warning", "note")}
     if as_json:
         print_json({"findings": [_as_finding(finding) for finding in findings], "counts": counts})

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from slamcli.pipelines.mission import Mission
     from slamcli.pipelines.navigate_run import NavigateOutcome
 
-_DEFAULTS = {"global_planner": "navfn", "dwa_scaling": "noetic", "localization": "amcl", "people": 0, "seed": 0}
+_DEFAULTS = {"dwa_scaling": "noetic", "localization": "amcl", "people": 0, "seed": 0}
 _FLAGS = {
     "config_files": "--config", "sets": "--set", "slam": "--slam", "slam_sets": "--slam-set", "timeout_s": "--timeout", "world": "--world", "local_planner": "--local-planner",
     "global_planner": "--global-planner", "dwa_scaling": "--dwa-scaling", "localization": "--localization", "people": "--people",
@@ -59,7 +59,7 @@ class NavigateCommand(PointsCommand):
 @click.option("--slam-set", "slam_sets", multiple=True, metavar="KEY=VALUE", help="One parameter of the system that maps, by its native name.")  # fmt: skip
 @click.option("--arg", "arguments", multiple=True, metavar="NAME=VALUE", help="Argument of a launch file.")
 @click.option("--local-planner", type=click.Choice(["dwa", "teb", "pursuit"]), help="Who follows the plan (default: what base_local_planner says).")  # fmt: skip
-@click.option("--global-planner", type=click.Choice(["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar"]), default=_DEFAULTS["global_planner"], show_default=True, help="Who makes it.")  # fmt: skip
+@click.option("--global-planner", type=click.Choice(["navfn", "dijkstra", "astar", "theta_star", "hybrid_astar", "global_planner"]), help="Who makes it (default: what base_global_planner says, navfn).")  # fmt: skip
 @click.option("--dwa-scaling", type=click.Choice(["noetic", "kinetic"]), default=_DEFAULTS["dwa_scaling"], show_default=True, help="How DWA's weights count: as ROS noetic or as kinetic has them.")  # fmt: skip
 @click.option("--localization", type=click.Choice(["amcl", "truth"]), default=_DEFAULTS["localization"], show_default=True, help="How the robot knows where it is.")  # fmt: skip
 @click.option("--people", type=click.IntRange(min=0, max=500), default=0, show_default=True, help="How many walk about.")  # fmt: skip

@@ -8,6 +8,8 @@ import math
 import numpy as np
 from numba import njit
 
+_BEHIND = 0.2  # cosine between a beam and the slope of the distance from which on the beam has passed the wall
+
 
 @njit(cache=True, nogil=True)
 def _distance(distances, column, row, out):
@@ -26,10 +28,12 @@ def _distance(distances, column, row, out):
 
 
 @njit(cache=True, nogil=True)
-def _linearise(points, pose, frame, distances, noise, scale, hessian, gradient):
-    """Set the normal equations of the distances of `points` (M, 2), seen from `pose` (3,), and return the mean of their weights."""
+def _linearise(points, pose, frame, distances, half, noise, scale, hessian, gradient):
+    """Set the normal equations of the distances of `points` (M, 2), seen from `pose` (3,), and return the mean of their weights.
+
+    A wall's surface is `half` metres before the middle of its cells.
+    """
     gc, gs, per_metre = math.cos(frame[2]), math.sin(frame[2]), frame[3]
-    half = 0.5 / per_metre
     dx, dy = pose[0] - frame[0], pose[1] - frame[1]
     x, y = gc * dx + gs * dy, gc * dy - gs * dx
     c, s = math.cos(pose[2] - frame[2]), math.sin(pose[2] - frame[2])
@@ -41,10 +45,14 @@ def _linearise(points, pose, frame, distances, noise, scale, hessian, gradient):
         px, py = c * points[m, 0] - s * points[m, 1], s * points[m, 0] + c * points[m, 1]
         if not _distance(distances, (x + px) * per_metre, (y + py) * per_metre, found):
             continue
-        d = found[0] - half  # to the face of the wall's cell, negative behind it
+        u, v = found[1] * per_metre, found[2] * per_metre
+        if u * px + v * py > _BEHIND * math.sqrt(px * px + py * py) and found[0] < 3.0 * half:
+            # Past the middle of a thin wall: the face that the beam met is the one before it.
+            d, u, v = -found[0] - half, -u, -v
+        else:
+            d = found[0] - half  # to the face of the wall's cell, negative within it
         weight = math.exp(-d * d / (2.0 * scale * scale))
         fit += weight
-        u, v = found[1] * per_metre, found[2] * per_metre
         jx, jy, ja = gc * u - gs * v, gs * u + gc * v, v * px - u * py
         k = weight / (noise * noise)
         hessian[0, 0] += k * jx * jx
@@ -77,7 +85,7 @@ def _solve(h, g):
 
 
 @njit(cache=True, nogil=True)
-def refine(points, prior, information, frame, distances, noise, scale, iterations, pose):
+def refine(points, prior, information, frame, distances, half, noise, scale, iterations, pose):
     """Move `pose` (3,) to where `points` (M, 2) lie best on the walls, held to `prior` (3,) by `information` (3, 3).
 
     Gauss-Newton on the distances of the points to the nearest wall's face, in metres, of standard deviation `noise`; those far off
@@ -85,7 +93,7 @@ def refine(points, prior, information, frame, distances, noise, scale, iteration
     """
     hessian, gradient = np.zeros((3, 3)), np.zeros(3)
     for _ in range(iterations):
-        _linearise(points, pose, frame, distances, noise, scale, hessian, gradient)
+        _linearise(points, pose, frame, distances, half, noise, scale, hessian, gradient)
         turn = pose[2] - prior[2] + math.pi
         turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi)) + math.pi
         x, y = pose[0] - prior[0], pose[1] - prior[1]
@@ -99,16 +107,16 @@ def refine(points, prior, information, frame, distances, noise, scale, iteration
         pose[2] -= a
         if abs(x) < 1e-4 and abs(y) < 1e-4 and abs(a) < 1e-4:
             break
-    return _linearise(points, pose, frame, distances, noise, scale, hessian, gradient)
+    return _linearise(points, pose, frame, distances, half, noise, scale, hessian, gradient)
 
 
 @njit(cache=True, nogil=True)
-def refine_each(points, poses, information, frame, distances, noise, scale, iterations, fit):
+def refine_each(points, poses, information, frame, distances, half, noise, scale, iterations, fit):
     """Do as `refine` for each of `poses` (N, 3), held to where it begins; set `fit` (N,)."""
     prior = np.empty(3)
     for n in range(poses.shape[0]):
         prior[:] = poses[n]
-        fit[n] = refine(points, prior, information, frame, distances, noise, scale, iterations, poses[n])
+        fit[n] = refine(points, prior, information, frame, distances, half, noise, scale, iterations, poses[n])
 
 
 @njit(cache=True, nogil=True)

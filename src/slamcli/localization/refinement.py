@@ -22,7 +22,7 @@ _COARSE_M, _FINE_M = 0.4, 0.15
 _COARSE_CELLS, _FINE_CELLS, _SPARE_CELLS = 2.0, 1.0, 2.0
 """At least so many cells: what beams meet is the edge of a cell, and distances are to its centre."""
 _ITERATIONS = 10
-_FARTHEST, _PER_DISTANCE = 4.0, 0.02
+_FARTHEST, _PER_DISTANCE = 9.0, 0.01
 """Squared Mahalanobis distance that a refined pose may lie from what the particles say; so much fit weighs one unit of it up."""
 _LEAST_VARIANCE = np.array([1e-4, 1e-4, 3e-5])
 _FEWEST_POINTS = 10
@@ -94,8 +94,7 @@ def refine_pose(
     best: Refined | None = None
     least = -np.inf
     for start in starts:
-        pose = start.copy()
-        fit = 0.0
+        pose, fit = start.copy(), 0.0
         for scale in _scales(map_):
             fit = _refine(map_, points, mean, information, scale, _ITERATIONS, pose)
         pose[2] = float(se2.wrap_angle(pose[2]))
@@ -120,7 +119,9 @@ def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.rand
     found = poses[np.argsort(-likely, kind="stable")[:_TRIED]]
     fits = np.empty(len(found))
     for scale in _scales(map_):
-        kernels.refine_each(points, found, _LOOSE, map_.frame, map_.distances, _NOISE_M, scale, _ITERATIONS, fits)
+        kernels.refine_each(
+            points, found, _LOOSE, map_.frame, map_.distances, map_.half_wall_m, _NOISE_M, scale, _ITERATIONS, fits
+        )
     found[:, 2] = se2.wrap_angle(found[:, 2])
     chosen: list[int] = []
     for n in np.argsort(-fits, kind="stable"):
@@ -143,7 +144,9 @@ def _refine(
     map_: LocalizationMap, points: Array, prior: Array, information: Array, scale: float, iterations: int, pose: Array
 ) -> float:
     return float(
-        kernels.refine(points, prior, information, map_.frame, map_.distances, _NOISE_M, scale, iterations, pose)
+        kernels.refine(
+            points, prior, information, map_.frame, map_.distances, map_.half_wall_m, _NOISE_M, scale, iterations, pose
+        )
     )
 
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Compiled scoring of sampled motions: rollout, footprint, and the critics of DWAPlannerROS in one pass."""
+"""Compiled scoring of sampled motions: rollout, footprint, and the critics of DWAPlannerROS in one pass.
+
+One file, as a kernel calls helpers of its own file only.
+"""
 
 from __future__ import annotations
 
@@ -218,12 +221,13 @@ def obstacle_cost(
     """Return the greatest cost (or the sum of costs) under the footprint along a motion, OBSTACLE if it hits one.
 
     `around` has the greatest cost within `reach` cells of each cell, which saves looking where nothing can be found. With
-    `escape` a motion that begins in an obstacle may go on as long as it does not come nearer to it. Costs above `most`
-    need not be exact. A motion that begins free is looked at from its end, where there are more obstacles.
+    `escape` a motion that begins in an obstacle may go on as long as it does not come nearer to it, if it ends free or a
+    fifth of a cell farther away (turning in place need not). Costs above `most` need not be exact. A motion that begins free is looked at from its end, where there are more obstacles.
     """
     height, width = costs.shape
     total = 0.0
     clearance = -1.0
+    least = 0.0
     backward = False
     for k in range(count):
         if k == 1:
@@ -248,6 +252,8 @@ def obstacle_cost(
             now = clearance_squared(costs, x, y, reach, origin_x, origin_y, resolution)
             if i > 0 and now < clearance - 1e-9:
                 return OBSTACLE
+            if i == 0:
+                least = now
             clearance = now
             cost = LETHAL - 1
         else:
@@ -256,6 +262,8 @@ def obstacle_cost(
         total = total + value if sum_scores else max(total, value)
         if total > most:
             return total
+    if count > 1 and clearance >= 0.0 and math.sqrt(clearance) < math.sqrt(least) + 0.2:
+        return OBSTACLE
     return total
 
 
@@ -280,7 +288,7 @@ def score(
     scales
         float64 (7,), one for each critic; a critic of scale 0 costs nothing (obstacles are hit all the same).
     growth
-        Speed from which the footprint grows, and by how much it has grown at the highest speed.
+        Speed from which the footprint grows, by how much it has grown at the highest speed, and its size before.
     switches
         bool (6,): accelerate along the motion, sum scores, escape, soft nose, turns in place hit nothing, prune.
     """
@@ -308,9 +316,9 @@ def score(
             continue
         count = roll_out(pose, twist, samples[s], acc, rollout, goal, accelerate, points)
         speed = math.hypot(commands[s, 0], commands[s, 1])
-        scale = 1.0
+        scale = growth[2]
         if growth[1] > 0.0 and speed > growth[0] and limits[1] > growth[0]:
-            scale = 1.0 + growth[1] * (speed - growth[0]) / (limits[1] - growth[0])
+            scale *= 1.0 + growth[1] * (speed - growth[0]) / (limits[1] - growth[0])
         turns = switches[4] and speed == 0.0
         cost = obstacle_cost(
             points, 1 if turns else count, costs, around, reach, footprint, scale, origin[0], origin[1], resolution,

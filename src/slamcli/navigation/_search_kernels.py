@@ -39,20 +39,9 @@ def _doubled(values: Ints) -> Ints:
 
 @njit(cache=True)
 def search(
-    cost: Bytes,
-    weight: Floats,
-    width: int,
-    start: int,
-    goal: int,
-    guided: bool,
-    landmarks: Floats,
-    bucket: float,
-    num_buckets: int,
-    g: Floats,
-    state: Ints,
-    parent: Bytes,
-    generation: int,
-) -> float:
+    cost: Bytes, weight: Floats, width: int, start: int, goal: int, guided: bool, landmarks: Floats, bucket: float,
+    num_buckets: int, g: Floats, state: Ints, parent: Bytes, generation: int,
+) -> float:  # fmt: skip
     """Fill `g` and `parent` until the cheapest way from `start` to `goal` is known; return its cost, inf if none.
 
     Parameters
@@ -70,9 +59,9 @@ def search(
     to the goal that is known. So the result is exact: the search ends when the goal's own bucket is empty, and then no
     waiting cell can be on a cheaper way.
     """
-    steps = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
-    sides = np.array([[-1, -width], [0, 0], [1, -width], [0, 0], [0, 0], [-1, width], [0, 0], [1, width]])
-    lengths = np.array([SQRT2, 1.0, SQRT2, 1.0, 1.0, SQRT2, 1.0, SQRT2])
+    rows, columns = np.array([-1, -1, -1, 0, 0, 1, 1, 1]), np.array([-1, 0, 1, -1, 1, -1, 0, 1])
+    steps = rows * width + columns
+    lengths = np.sqrt((rows * rows + columns * columns).astype(np.float64))
     heads = np.full(num_buckets, -1)
     nodes, links, hopes = np.zeros(1024, dtype=np.int64), np.zeros(1024, dtype=np.int64), np.zeros(1024)
     known = 0.0 if start == goal else np.inf
@@ -82,7 +71,6 @@ def search(
     state[start] = opened
     parent[start] = 255
     goal_row, goal_column = goal // width, goal % width
-    rows, columns = np.array([-1, -1, -1, 0, 0, 1, 1, 1]), np.array([-1, 0, 1, -1, 1, -1, 0, 1])
     current = 0
     if guided:
         down, across = abs(start // width - goal_row), abs(start % width - goal_column)
@@ -113,7 +101,10 @@ def search(
             toll = weight[cost[neighbour]]
             if toll == np.inf:
                 continue
-            if lengths[k] > 1.0 and max(weight[cost[node + sides[k, 0]]], weight[cost[node + sides[k, 1]]]) == np.inf:
+            if (
+                lengths[k] > 1.0
+                and max(weight[cost[node + columns[k]]], weight[cost[node + rows[k] * width]]) == np.inf
+            ):
                 continue
             cheaper = base + lengths[k] * (half + 0.5 * toll)
             if state[neighbour] >= opened and g[neighbour] <= cheaper + HAIR:

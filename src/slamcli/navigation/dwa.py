@@ -118,22 +118,22 @@ class DwaPlanner:
         return self._scoring.score(state.pose_odom, state.twist, samples, self._oscillation.forbidden, every=True)
 
     def _best(self, state: RobotState, samples: NDArray[np.float64]) -> ScoredMotions:
-        """Return scored motions of which one is chosen; those that get on are looked at first."""
-        forbidden = self._oscillation.forbidden
-        refusals = ""
+        """Return scored motions of which one is chosen, those of the first stage that has a valid one."""
+        pose, twist, forbidden = state.pose_odom, state.twist, self._oscillation.forbidden
         for tried in self._stages(samples):
-            motions = self._scoring.score(state.pose_odom, state.twist, tried, forbidden)
+            motions = self._scoring.score(pose, twist, tried, forbidden)
             if motions.chosen >= 0:
                 return motions
-            refusals = refusals or motions.refusals()
-        raise NoCommandError(f"none of {len(samples)} motions will do: {motions.refusals() or refusals}")
+        refusals = self._scoring.score(pose, twist, samples, forbidden, every=True).refusals()
+        raise NoCommandError(f"none of {len(samples)} motions will do: {refusals}")
 
     def _stages(self, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """Return what is tried in turn: what gets on, then turning, then backing up."""
         if not self.parameters.progress:
             return [samples]
-        gets_on = np.hypot(samples[:, 0], samples[:, 1]) >= self.parameters.min_vel_trans - 1e-4
-        gets_on &= samples[:, 0] >= 0.0
-        return [samples[gets_on], samples[~gets_on]]
+        back = samples[:, 0] < 0.0
+        on = (np.hypot(samples[:, 0], samples[:, 1]) >= self.parameters.min_vel_trans - 1e-4) & ~back
+        return [samples[on], samples[~on & ~back], samples[back]]
 
     def _samples(self, state: RobotState, plan: LocalPlan) -> NDArray[np.float64]:
         distance = math.hypot(*(plan.poses[-1, :2] - state.pose_odom[:2]))

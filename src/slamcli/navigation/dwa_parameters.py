@@ -31,6 +31,7 @@ AS_DWAPLANNERROS = {
     "stop_at_goal": False,
     "progress": False,
     "turn_to_plan": 0.0,
+    "footprint_margin": 0.0,
     "scale_footprint": False,
 }
 """Values of slamcli's own parameters that leave DWAPlannerROS as it is."""
@@ -152,8 +153,8 @@ class DwaParameters:
     )
     free_local_goal: bool = parameter(
         True,
-        "Take the last pose of the local plan that is not blocked as local goal. false, as DWAPlannerROS: the last one,"
-        " from which a blocked one makes every motion invalid.",
+        "Take the last pose of the local plan that is not blocked as local goal, or if no way leads there, the last that"
+        " one leads to. false, as DWAPlannerROS: the last pose; if it is blocked or cut off every motion is invalid.",
         extension=True,
     )
     escape: bool = parameter(
@@ -182,8 +183,9 @@ class DwaParameters:
     )
     progress: bool = parameter(
         True,
-        "Take a motion of at least min_vel_trans that is not backwards, if one is valid. false, as DWAPlannerROS: also"
-        " turning in place and backing up, if they cost less, by which the robot can hang in front of its goal.",
+        "Take a motion of at least min_vel_trans that is not backwards, if one is valid, and back up only if there is no"
+        " other. false, as DWAPlannerROS: what costs least, by which the robot can hang in front of its goal, or back into"
+        " what its scanner does not see.",
         extension=True,
     )
     turn_to_plan: float = parameter(
@@ -193,6 +195,15 @@ class DwaParameters:
         unit="rad",
         minimum=0.0,
         maximum=math.pi,
+        extension=True,
+    )
+    footprint_margin: float = parameter(
+        0.02,
+        "How much farther out the footprint is taken. 0, as DWAPlannerROS: not, and since costmaps clear the cells under"
+        " the footprint a robot can graze what its scanner does not see again.",
+        unit="m",
+        minimum=0.0,
+        maximum=1.0,
         extension=True,
     )
     scale_footprint: bool = parameter(False, "Apply scaling_speed and max_scaling_factor.", extension=True)

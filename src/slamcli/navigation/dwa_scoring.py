@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slamcli.navigation import _dwa_kernels as kernels
 from slamcli.navigation import _map_grid_kernels as grid_kernels
 from slamcli.navigation.cost_window import CostWindow
+from slamcli.navigation.costmap import INSCRIBED
 from slamcli.navigation.dwa_parameters import DwaParameters
 from slamcli.navigation.local_planner import NoCommandError
 
@@ -30,6 +31,7 @@ REASONS = {
 """Why a motion is out, by its total."""
 _WITHIN = 0.97
 _REACTION_S = 0.15
+_LEAST_WAY_M = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,7 +75,7 @@ class DwaScoring:
         self._rollout = np.array([parameters.sim_time, parameters.sim_granularity, parameters.angular_sim_granularity])
         self._limits = np.array([parameters.min_vel_trans, parameters.max_vel_trans, parameters.min_vel_theta])
         growth = parameters.max_scaling_factor if parameters.scale_footprint else 0.0
-        self._growth = np.array([parameters.scaling_speed, growth])
+        self._growth = np.array([parameters.scaling_speed, growth, 1.0])
         speed = max(parameters.max_vel_trans, math.hypot(parameters.max_vel_x, parameters.max_vel_y)) + 1e-3
         steps = max(speed / parameters.sim_granularity, parameters.max_vel_theta / parameters.angular_sim_granularity)
         self._points = np.zeros((math.ceil(parameters.sim_time * steps) + 2, 5))
@@ -89,15 +91,17 @@ class DwaScoring:
         Raises
         ------
         NoCommandError
-            If no pose of the plan is on a known cell of the costmap.
+            If no pose of the plan is on a known cell of the costmap, or the plan is blocked close ahead.
         """
         self._fit(costmap)
         self._costmap = costmap
         radius = _WITHIN * self._parameters.xy_goal_tolerance if ends and self._parameters.stop_at_goal else -1.0
         self._goal = np.array([plan[-1, 0], plan[-1, 1], radius, _REACTION_S])
         parameters = self._parameters
-        growth = 1.0 + float(self._growth[1])
-        self._reach = math.ceil(costmap.circumscribed_radius_m * growth / costmap.resolution_m) + 1
+        radius_m = costmap.circumscribed_radius_m
+        self._growth[2] = 1.0 + parameters.footprint_margin / radius_m if radius_m > 0.0 else 1.0
+        radius_m *= float(self._growth[2] * (1.0 + self._growth[1]))
+        self._reach = math.ceil(radius_m / costmap.resolution_m) + 1
         grid_kernels.box_maximum(costmap.costs, self._reach, self._rows, self._around)
         self._find_open_cells(pose, costmap)
         offset = plan[-1, :2] - pose[:2]
@@ -109,7 +113,12 @@ class DwaScoring:
             raise NoCommandError("no pose of the plan is on a known cell of the local costmap")
         self._spread(1, targets)
         self._spread(2, self._local_goal(targets))
-        self._spread(0, self._local_goal(self._plan_cells(nose, costmap)))
+        if parameters.free_local_goal and self._is_cut_off():
+            ahead = self._way_to_block(targets)
+            self._spread(2, ahead)
+            self._spread(0, ahead)
+        else:
+            self._spread(0, self._local_goal(self._plan_cells(nose, costmap)))
         near = parameters.forward_point_distance**2 * parameters.cheat_factor
         self._scales = self._weights(costmap.resolution_m, aligned=float(offset @ offset) > near)
 
@@ -207,6 +216,7 @@ class DwaScoring:
         """Note what can be passed; with `escape` inflation around the robot does not block its way."""
         (x, y), resolution = costmap.origin_m, costmap.resolution_m
         row, column = math.floor((pose[1] - y) / resolution), math.floor((pose[0] - x) / resolution)
+        self._robot = (row, column)
         radius = costmap.inscribed_radius_m / resolution + 1.0 if self._parameters.escape else -1.0
         grid_kernels.open_cells(costmap.costs, row, column, radius, self._open)
 
@@ -221,10 +231,44 @@ class DwaScoring:
     def _local_goal(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the last cell, or with free_local_goal the last that is free if there is one."""
         if self._parameters.free_local_goal and len(cells):
-            free = np.flatnonzero(self._costmap.costs.reshape(-1)[cells] < grid_kernels.INSCRIBED)
+            free = np.flatnonzero(self._costmap.costs.reshape(-1)[cells] < INSCRIBED)
             if len(free):
                 return cells[free[-1] : free[-1] + 1]
         return cells[-1:]
+
+    def _is_cut_off(self) -> bool:
+        """Whether no way leads from the robot, on a cell that can be passed, to the local goal."""
+        (row, column), (height, width) = self._robot, self._shape
+        if not (0 <= row < height and 0 <= column < width):
+            return False
+        is_open = self._open[(row + 1) * (width + 2) + column + 1] > 0
+        return bool(is_open and self._grids[2][row, column] >= height * width)
+
+    def _way_to_block(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the last cell of the plan, (1,), that a way leads to.
+
+        Raises
+        ------
+        NoCommandError
+            If it is less than half a metre away: then it is time for another plan.
+        """
+        width = self._shape[1]
+        self._spread(2, np.array([self._robot[0] * width + self._robot[1]]))
+        steps = self._grids[2].reshape(-1)[cells]
+        near = np.flatnonzero((steps < self._grids[2].size) & (self._costmap.costs.reshape(-1)[cells] < INSCRIBED))
+        way_m = float(steps[near[-1]]) * self._costmap.resolution_m if len(near) else 0.0
+        if way_m < _LEAST_WAY_M and not (len(near) and self._is_at_goal(int(cells[near[-1]]))):
+            raise NoCommandError(f"the plan is blocked {way_m:.2f} m ahead")
+        return cells[near[-1] : near[-1] + 1]
+
+    def _is_at_goal(self, cell: int) -> bool:
+        """Whether a cell is within the tolerance of a goal that the robot is to stop at."""
+        (x, y), resolution = self._costmap.origin_m, self._costmap.resolution_m
+        row, column = divmod(cell, self._shape[1])
+        offset = math.hypot(
+            x + (column + 0.5) * resolution - self._goal[0], y + (row + 0.5) * resolution - self._goal[1]
+        )
+        return bool(offset <= self._goal[2])
 
     def _spread(self, place: int, targets: NDArray[np.int64]) -> None:
         height, width = self._shape

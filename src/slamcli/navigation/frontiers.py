@@ -130,9 +130,11 @@ def costs_for_exploring(window: CostWindow, grid: OccupancyGrid) -> NDArray[np.u
     height, width = window.costs.shape
     x = window.origin_m[0] + (np.arange(width) + 0.5) * window.resolution_m
     y = window.origin_m[1] + (np.arange(height) + 0.5) * window.resolution_m
-    if grid.origin[2] == 0.0:
-        rows = grid.map_to_cell(np.column_stack([np.full(height, grid.origin[0]), y]))[:, 0]
-        columns = grid.map_to_cell(np.column_stack([x, np.full(width, grid.origin[1])]))[:, 1]
+    if (
+        abs(math.sin(grid.origin[2])) * (height + width) < 0.1 and math.cos(grid.origin[2]) > 0.0
+    ):  # within a tenth of a cell
+        rows = np.floor((y - grid.origin[1]) / grid.resolution_m).astype(np.int64)
+        columns = np.floor((x - grid.origin[0]) / grid.resolution_m).astype(np.int64)
         row, column = np.meshgrid(rows, columns, indexing="ij", sparse=True)
     else:
         cells = grid.map_to_cell(np.column_stack([np.tile(x, height), np.repeat(y, width)]))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,7 @@ from slamcli.errors import ConfigError
 from slamcli.navigation.costmap_parameters import ALIASES, LAYER_TYPES, CostmapParameters
 from slamcli.navigation.layered_parameters import CostmapName, Kind, LayeredParameters, LayerParameters
 from slamcli.navigation.obstacle_parameters import ObservationSource, ObstacleParameters, SourceParameters
-from slamcli.parameters import Declaration, convert, declarations, unknown_name
+from slamcli.parameters import Declaration, convert_at, declarations, unknown_name
 
 Entry = tuple[str, Any, str]
 """Name (parts joined by ``/`` or ``.``), value, and where it stands."""
@@ -52,6 +52,8 @@ class CostmapPair:
     local_costmap: LayeredParameters
     notes: tuple[str, ...]
     """What was accepted without effect, and why."""
+    sources: Mapping[str, str]
+    """Where each value stands that was taken: ``local_costmap.obstacle_layer.raytrace_range``."""
     rest: tuple[Entry, ...]
     """Entries that are not of a costmap."""
 
@@ -93,6 +95,7 @@ def read_costmaps(entries: Iterable[Entry]) -> CostmapPair:
         global_costmap=built["global"],
         local_costmap=built["local"],
         notes=tuple(dict.fromkeys(notes)),
+        sources=readers["global"].sources | readers["local"].sources,
         rest=rest,
     )
 
@@ -112,6 +115,9 @@ class _Reader:
         self._name = name
         self._entries: dict[str, tuple[Any, str]] = {}
         self._loose: set[str] = set()
+        self._foreign: set[str] = set()
+        self.sources: dict[str, str] = {}
+        """Where each value stands that was taken, by costmap, layer, source and name."""
         self.without_effect: list[str] = []
         """Names of parameters that were accepted and mean nothing here."""
 
@@ -166,6 +172,7 @@ class _Reader:
             if kind.rpartition(":")[2] in _KINDS:
                 found.append(_Layer(name, _KINDS[kind.rpartition(":")[2]]))
             else:
+                self._foreign.add(name)
                 notes.append(
                     f"{self._name} costmap: layer {name!r} of type {kind or 'unknown'!r} has no counterpart here"
                 )
@@ -209,7 +216,10 @@ class _Reader:
                 top[name] = (value, source)
         self._alias(top, costmap, notes)
         built = [self._layer(layer, top, costmap, notes) for layer in layers]
-        return LayeredParameters(costmap=CostmapParameters(**costmap), layers=tuple(built))
+        try:
+            return LayeredParameters(costmap=CostmapParameters(**costmap), layers=tuple(built))
+        except ConfigError as error:  # of all entries only the footprint is looked at once more
+            raise ConfigError(f"{self._entries['footprint'][1]}: {error}") from error
 
     def _defaults(self) -> dict[str, Any]:
         """Return what holds where nothing is said: costmap_2d's own, but a local costmap is one."""
@@ -222,7 +232,7 @@ class _Reader:
         head, _, rest = name.partition(".")
         if name in ALIASES or name in _MOVED or name == "observation_sources" or head in self._top_sources():
             return True
-        if name == "plugins" or name in _NO_MEANING or rest == "plugin":
+        if name == "plugins" or name in _NO_MEANING or rest == "plugin" or head in self._foreign:
             return False
         if rest and head in _USUAL_LAYERS:
             if name not in self._loose:
@@ -257,7 +267,7 @@ class _Reader:
                 if declaration is not None:
                     moved = not self._is_modern and ALIASES.get(name) == prefix + name and name in self._entries
                     if not moved:
-                        costmap[declaration.field] = self._converted(declaration, value, source)
+                        costmap[declaration.field] = self._converted(declaration, value, source, f"{layer.name}.{name}")
                 elif name not in _NO_MEANING and name != "plugin":
                     known = [n.removeprefix(prefix) for n in _COSTMAP if n.startswith(prefix)]
                     raise ConfigError(unknown_name(name, known, f"{source}, {layer.name}"))
@@ -282,31 +292,29 @@ class _Reader:
             if rest and head in sensed:
                 sensed[head][rest] = (value, source)
             elif name in _OBSTACLE:
-                values[_OBSTACLE[name].field] = self._converted(_OBSTACLE[name], value, source)
+                values[_OBSTACLE[name].field] = self._converted(_OBSTACLE[name], value, source, f"{layer.name}.{name}")
             elif name not in ("observation_sources", "plugin"):
                 known = [*_OBSTACLE, "observation_sources", *names]
                 raise ConfigError(unknown_name(name, known, f"{source}, {layer.name}"))
-        sources = tuple(self._source(name, entries) for name, entries in sensed.items())
+        sources = tuple(self._source(layer.name, name, entries) for name, entries in sensed.items())
         return LayerParameters(name=layer.name, kind=layer.kind, obstacle=ObstacleParameters(**values), sources=sources)
 
-    def _source(self, name: str, entries: dict[str, tuple[Any, str]]) -> ObservationSource:
+    def _source(self, layer: str, name: str, entries: dict[str, tuple[Any, str]]) -> ObservationSource:
         values = {}
         for key, (value, source) in entries.items():
             if key not in _SOURCE:
                 raise ConfigError(unknown_name(key, _SOURCE, f"{source}, source {name!r}"))
-            values[_SOURCE[key].field] = self._converted(_SOURCE[key], value, source)
+            values[_SOURCE[key].field] = self._converted(_SOURCE[key], value, source, f"{layer}.{name}.{key}")
         try:
             return ObservationSource(name=name, **values)
         except ConfigError as error:
             raise ConfigError(f"source {name!r}: {error}") from error
 
-    def _converted(self, declaration: Declaration, value: Any, source: str) -> Any:
+    def _converted(self, declaration: Declaration, value: Any, source: str, key: str = "") -> Any:
         if not declaration.effective:
             self.without_effect.append(declaration.name)
-        try:
-            return convert(declaration, value)
-        except ConfigError as error:
-            raise ConfigError(f"{source}: {error}") from error
+        self.sources[f"{self._name}_costmap.{key or declaration.name}"] = source
+        return convert_at(declaration, value, source)
 
 
 def _names(value: Any) -> tuple[str, ...]:

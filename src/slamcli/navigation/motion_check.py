@@ -33,11 +33,13 @@ def arc(pose: NDArray[np.float64], twist: NDArray[np.float64], seconds: float, s
     return np.column_stack([x, y, yaw])
 
 
-def hits(costmap: CostWindow, poses: NDArray[np.float64], *, escape: bool = False) -> bool:
+def hits(costmap: CostWindow, poses: NDArray[np.float64], *, escape: bool = False, margin_m: float = 0.0) -> bool:
     """Whether the outline at any of poses (N, 3) touches an obstacle, an unknown cell or the costmap's border.
 
-    With `escape` poses from the first on may touch an obstacle as long as none is nearer to it than the one before.
+    With `escape` poses from the first on may touch an obstacle as long as none is nearer to it than the one before, and
+    the last is free or a fifth of a cell farther away. The outline is taken `margin_m` farther out.
     """
+    radius = costmap.circumscribed_radius_m
     points = np.empty((len(poses), 5))
     points[:, :3] = poses
     points[:, 3], points[:, 4] = np.cos(poses[:, 2]), np.sin(poses[:, 2])
@@ -50,7 +52,7 @@ def hits(costmap: CostWindow, poses: NDArray[np.float64], *, escape: bool = Fals
         costmap.costs,
         everywhere,
         costmap.footprint,
-        1.0,
+        1.0 + margin_m / radius if radius > 0.0 else 1.0,
         x,
         y,
         costmap.resolution_m,

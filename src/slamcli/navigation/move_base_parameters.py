@@ -7,7 +7,11 @@ from dataclasses import dataclass
 
 from slamcli.parameters import parameter
 
+DEFAULT_RESET_DISTANCE_M = 3.0
+"""What clear_costmap_recovery assumes where its namespace says nothing."""
+
 _NO_MIDDLEWARE = "Accepted; there is no middleware that it could matter to."
+_LIMITED_HERE = "Accepted; commands are limited whichever planner they come from."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +20,8 @@ class MoveBaseParameters:
 
     base_global_planner: str = parameter(
         "navfn/NavfnROS",
-        "The global planner: navfn/NavfnROS, global_planner/GlobalPlanner, or a name of `slamcli plan`.",
+        "The global planner: navfn/NavfnROS, global_planner/GlobalPlanner, or a name of `slamcli plan`; --global-planner goes before"
+        " it.",
     )
     base_local_planner: str = parameter(
         "dwa_local_planner/DWAPlannerROS",
@@ -53,7 +58,8 @@ class MoveBaseParameters:
     oscillation_distance: float = parameter(0.5, "See oscillation_timeout.", unit="m", minimum=0.0)
     recovery_behaviors: str = parameter(
         "conservative_reset rotate_recovery aggressive_reset rotate_recovery",
-        "What is tried in turn: conservative_reset, rotate_recovery, aggressive_reset, move_slow_and_clear, back_up.",
+        "What is tried in turn: conservative_reset, rotate_recovery, aggressive_reset, move_slow_and_clear, back_up, or NAME:TYPE"
+        " with a type of ROS; files may have ROS's list of names and types. Each reads the namespace of its own name.",
     )
     clearing_radius: float | None = parameter(
         None, "Accepted; move_base itself reads it only for an old service. auto: the circumscribed radius.",
@@ -71,6 +77,16 @@ class MoveBaseParameters:
 class RecoveryParameters:
     """How recovery behaviours work; in ROS each has a namespace of its own."""
 
+    reset_distance: float | None = parameter(
+        None,
+        "Side of the square around the robot that resets keep (or clear, inverted). auto: conservative_reset_dist for"
+        " conservative_reset, four circumscribed radii for aggressive_reset, 3 for others.",
+        name="clear_costmap.reset_distance",
+        kind=float,
+        unit="m",
+        minimum=0.0,
+        maximum=1e6,
+    )
     layer_names: str = parameter(
         "obstacles obstacle_layer voxel_layer",
         "Layers that resets clear, of those that there are. ROS clears `obstacles` only, a layer that files without a list"
@@ -120,6 +136,15 @@ class RecoveryParameters:
     )
     limited_distance: float = parameter(
         0.3, "How far these limits hold.", name="move_slow_and_clear.limited_distance", unit="m", minimum=0.0
+    )
+    planner_namespace: str = parameter(
+        "DWAPlannerROS", _LIMITED_HERE, name="move_slow_and_clear.planner_namespace", effective=False
+    )
+    max_trans_param_name: str = parameter(
+        "max_vel_trans", _LIMITED_HERE, name="move_slow_and_clear.max_trans_param_name", effective=False
+    )
+    max_rot_param_name: str = parameter(
+        "max_vel_theta", _LIMITED_HERE, name="move_slow_and_clear.max_rot_param_name", effective=False
     )
     backup_distance: float = parameter(
         0.3, "How far the robot backs up, as far as it is free behind.", name="back_up.distance", unit="m",

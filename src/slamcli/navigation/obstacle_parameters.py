@@ -26,7 +26,10 @@ class SourceParameters:
         0.0, "Longest time between readings before the costmap counts as out of date; 0: any.", unit="s", minimum=0.0, maximum=1e6
     )  # fmt: skip
     data_type: str = parameter(
-        "PointCloud", "What the topic carries.", choices=("PointCloud", "PointCloud2", "LaserScan")
+        "PointCloud",
+        "Accepted; a simulated robot has a laser scanner, which every source hears.",
+        choices=("PointCloud", "PointCloud2", "LaserScan"),
+        effective=False,
     )
     min_obstacle_height: float = parameter(
         0.0, "Lower points are not taken at all.", unit="m", minimum=-1000.0, maximum=1000.0

@@ -204,7 +204,9 @@ class RegulatedPurePursuit:
 
     def _passes(self, twist: NDArray[np.float64], motion: NDArray[np.float64], costmap: CostWindow) -> bool:
         turns = not twist[:2].any()
-        return (turns and is_round(costmap)) or not hits(costmap, motion, escape=True)
+        return (turns and is_round(costmap)) or not hits(
+            costmap, motion, escape=True, margin_m=self.parameters.footprint_margin
+        )
 
     def _is_free(self, state: RobotState, twist: NDArray[np.float64], costmap: CostWindow) -> bool:
         seconds = self.parameters.max_allowed_time_to_collision_up_to_carrot

@@ -105,6 +105,15 @@ class PursuitParameters:
         extension=True,
     )
 
+    footprint_margin: float = parameter(
+        0.02,
+        "How much farther out the footprint is taken in looking for collisions. 0, as nav2: not.",
+        unit="m",
+        minimum=0.0,
+        maximum=1.0,
+        extension=True,
+    )
+
     @property
     def max_vel_x(self) -> float:
         """Top speed, m/s, under the name that other local planners have for it."""

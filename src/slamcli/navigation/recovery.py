@@ -4,16 +4,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import ConfigError
 from slamcli.geometry.se2 import wrap_angle
 from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.footprint_check import is_blocked
-from slamcli.navigation.move_base_parameters import MoveBaseParameters, RecoveryParameters
+from slamcli.navigation.move_base_parameters import (
+    DEFAULT_RESET_DISTANCE_M,
+    MoveBaseParameters,
+    RecoveryParameters,
+)
+from slamcli.navigation.recovery_list import parse_behaviours
 from slamcli.navigation.robot_state import RobotState
 
 Array = NDArray[np.float64]
@@ -179,31 +184,47 @@ class MoveSlowAndClear:
 
 
 def build_recoveries(
-    move_base: MoveBaseParameters, parameters: RecoveryParameters, costmaps: Costmaps, circumscribed_radius_m: float
+    move_base: MoveBaseParameters,
+    parameters: RecoveryParameters,
+    costmaps: Costmaps,
+    circumscribed_radius_m: float,
+    own: Mapping[str, RecoveryParameters] | None = None,
 ) -> tuple[Recovery, ...]:
     """Return the behaviours that ``recovery_behaviors`` names, in its order.
+
+    Parameters
+    ----------
+    move_base, parameters
+        What holds for all of them.
+    costmaps
+        What they look at and clear.
+    circumscribed_radius_m
+        Of the robot.
+    own
+        Parameters of behaviours by name, instead of `parameters`.
 
     Raises
     ------
     ConfigError
         If one is unknown.
     """
+    usual_widths = {
+        "conservative_reset": move_base.conservative_reset_dist,
+        "aggressive_reset": 4.0 * circumscribed_radius_m,
+    }
     found: list[Recovery] = []
-    for name in move_base.recovery_behaviors.replace(",", " ").split():
-        if name == "conservative_reset":
-            found.append(ClearCostmaps(name, costmaps, move_base.conservative_reset_dist, parameters))
-        elif name == "aggressive_reset":
-            found.append(ClearCostmaps(name, costmaps, 4.0 * circumscribed_radius_m, parameters))
-        elif name == "rotate_recovery":
-            if move_base.clearing_rotation_allowed:
-                found.append(RotateInPlace(name, costmaps, parameters))
-        elif name == "back_up":
-            found.append(BackUp(name, costmaps, parameters))
-        elif name == "move_slow_and_clear":
-            found.append(MoveSlowAndClear(name, costmaps, parameters))
-        else:
-            raise ConfigError(
-                f"recovery_behaviors: no behaviour {name!r}: there are conservative_reset, rotate_recovery,"
-                " aggressive_reset, move_slow_and_clear, back_up"
+    for behaviour in parse_behaviours(move_base.recovery_behaviors):
+        name, its = behaviour.name, (own or {}).get(behaviour.name, parameters)
+        if behaviour.kind == "clear_costmap":
+            width = usual_widths.get(name, DEFAULT_RESET_DISTANCE_M)
+            found.append(
+                ClearCostmaps(name, costmaps, width if its.reset_distance is None else its.reset_distance, its)
             )
+        elif behaviour.kind == "rotate_recovery":
+            if move_base.clearing_rotation_allowed:
+                found.append(RotateInPlace(name, costmaps, its))
+        elif behaviour.kind == "back_up":
+            found.append(BackUp(name, costmaps, its))
+        else:
+            found.append(MoveSlowAndClear(name, costmaps, its))
     return tuple(found)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,21 +14,19 @@ from slamcli.grids import OccupancyGrid
 from slamcli.measurements import LaserScan
 from slamcli.navigation.collision_monitor import CollisionMonitor
 from slamcli.navigation.layered_costmap import LayeredCostmap
-from slamcli.navigation.move_base import Cycle, MoveBase, Phase
+from slamcli.navigation.move_base import MoveBase, Phase
 from slamcli.navigation.moving_obstacles import MovingObstacles, follow
 from slamcli.navigation.robot_state import RobotState
 from slamcli.navigation.scan_observation import observe_scan
+from slamcli.pipelines.drive_record import Drive, DriveRecord
 from slamcli.pipelines.localisers import Localiser
 from slamcli.pipelines.loop_listener import LoopListener
 from slamcli.pipelines.rhythm import TICK_S, Rhythm
 from slamcli.pipelines.unexpected import WallMask
 from slamcli.recordings.scan_normalisation import turn_counter_clockwise
-from slamcli.simulation.contact import Contact
 from slamcli.simulation.plant import Plant
 
 Array = NDArray[np.float64]
-
-__all__ = ["TICK_S", "ClosedLoop", "CostmapPair", "Drive", "Rates"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,31 +50,6 @@ class CostmapPair:
     local: LayeredCostmap
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drive:
-    """What became of one goal, seen from outside."""
-
-    phase: Phase
-    """SUCCEEDED, ABORTED, or what move_base was doing when time ran out."""
-    message: str
-    begin_s: float
-    end_s: float
-    length_m: float
-    """Way that the robot truly drove."""
-    clearance_m: float
-    """Least distance that its body truly had to anything."""
-    collisions: tuple[Contact, ...]
-    recoveries: tuple[str, ...]
-    plans: int
-    """Number of global plans."""
-    end_pose: Array
-    """float64 (3,), where it truly stands in the end."""
-    position_error_m: Array
-    """float64 (N,), the localiser's error at each control cycle."""
-    heading_error_rad: Array
-    """float64 (N,), likewise, absolute."""
-
-
 class ClosedLoop:
     """Runs plant and navigation together; what happens is told to `listeners` in the order of simulated time."""
 
@@ -97,7 +69,7 @@ class ClosedLoop:
         self._walls: WallMask | None = None
         self._ticks = 0
         self._pose_odom, self._twist = np.zeros(3), np.zeros(3)
-        self._drive: _DriveRecord | None = None
+        self._drive: DriveRecord | None = None
         self._rhythms = [
             Rhythm(rates.odometry, self._odometry),
             Rhythm(rates.scan, self._scan),
@@ -130,12 +102,12 @@ class ClosedLoop:
         for listener in self.listeners:
             listener.on_goal(self.time_s, goal)
         self.move_base.set_goal(goal, self.state)
-        self._drive = record = _DriveRecord(self)
+        self._drive = record = DriveRecord(self.plant, self.time_s)
         end = self._ticks + round(timeout_s / TICK_S)
         while self._ticks < end and self.move_base.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
             self._go_on(end)
         self._drive = None
-        drive = record.finished()
+        drive = record.finished(self.move_base, self.time_s)
         if drive.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
             self.move_base.cancel()
         self.plant.command(np.zeros(3))
@@ -239,49 +211,3 @@ class ClosedLoop:
                 text = f"recovery: {cycle.recovery}" if cycle.recovery else cycle.message
                 listener.on_status(self.time_s, cycle.phase.value, text)
         self._last_phase = cycle.phase
-
-
-class _DriveRecord:
-    """Collects what `Drive` tells."""
-
-    def __init__(self, loop: ClosedLoop) -> None:
-        self._loop = loop
-        self._begin_s = loop.time_s
-        self._before = loop.plant.pose.copy()
-        self._first_collision = len(loop.plant.collisions)
-        self._length_m, self._clearance_m = 0.0, math.inf
-        self._recoveries: list[str] = []
-        self._plans = 0
-        self._errors: list[tuple[float, float]] = []
-
-    def add(self, cycle: Cycle, state: RobotState) -> None:
-        """Take one control cycle."""
-        plant = self._loop.plant
-        pose = plant.pose.copy()
-        self._length_m += float(np.hypot(*(pose[:2] - self._before[:2])))
-        self._before = pose
-        self._clearance_m = min(self._clearance_m, plant.clearance_m)
-        self._plans += cycle.plan is not None
-        if cycle.recovery:
-            self._recoveries.append(cycle.recovery)
-        off = se2.between(pose, state.pose_map)
-        self._errors.append((float(np.hypot(off[0], off[1])), abs(float(off[2]))))
-
-    def finished(self) -> Drive:
-        """Return the whole."""
-        loop = self._loop
-        errors = np.array(self._errors).reshape(-1, 2)
-        return Drive(
-            phase=loop.move_base.phase,
-            message=loop.move_base.message,
-            begin_s=self._begin_s,
-            end_s=loop.time_s,
-            length_m=self._length_m,
-            clearance_m=self._clearance_m,
-            collisions=tuple(loop.plant.collisions[self._first_collision :]),
-            recoveries=tuple(self._recoveries),
-            plans=self._plans,
-            end_pose=loop.plant.pose.copy(),
-            position_error_m=errors[:, 0],
-            heading_error_rad=errors[:, 1],
-        )

@@ -132,7 +132,7 @@ def load_declared(
     return NativeConfig(algo=algo, parameters=parameters, sources=sources, remaps=remaps)
 
 
-def check(files: Iterable[Path], beams: int | None = None) -> tuple[Finding, ...]:
+def check(files: Iterable[Path], beams: int | None = None, range_m: float | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with native files: unknown names, types, ranges, values that do not do what they seem to.
 
     Raises
@@ -146,7 +146,8 @@ def check(files: Iterable[Path], beams: int | None = None) -> tuple[Finding, ...
     files = [find_native(Path(file)) for file in files]
     for file in files:
         read_text(file)  # what cannot be read at all is wrong usage, not a finding
-    return tuple(finding for file in files for finding in check_file(file, tables, beams))
+    found = (finding for file in files for finding in check_file(file, tables, beams, range_m))
+    return tuple(dict.fromkeys(found))  # of files that load each other
 
 
 def parse_set(text: str) -> Setting:

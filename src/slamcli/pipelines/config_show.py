@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Every parameter of a tier, of the planners or of the simulator, with its value and where that comes from."""
+"""Every parameter of a tier, of the navigation stack, of `plan` or of the simulator, with its value and where that comes from."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,12 @@ from slamcli.native import Setting, read_ros_yaml
 from slamcli.navigation.costmap_files import read_settings
 from slamcli.parameters import Declaration, as_dict, declarations
 from slamcli.pipelines.config import load_native, parse_set
+from slamcli.pipelines.navigation_config import load_navigation
 from slamcli.runtime import RunLog
 from slamcli.simulation.parameters import resolve_settings
 
 NAVIGATION = "navigation"
+PLAN = "plan"
 SIMULATION = "simulation"
 
 
@@ -53,7 +55,10 @@ def show(
     log: RunLog | None = None,
     arguments: Mapping[str, str] | None = None,
 ) -> Shown:
-    """Return every parameter of `algo`: a tier, ``navigation`` (costmap and planners) or ``simulation``.
+    """Return every parameter of `algo`: a tier, ``navigation`` (the whole stack), ``plan`` (costmap and planners) or ``simulation``.
+
+    Names of the navigation stack have the section that they are set by: ``amcl/min_particles``,
+    ``local_costmap/obstacle_layer/raytrace_range``. Without files they are those of slamcli's own move_base.launch.
 
     Raises
     ------
@@ -62,7 +67,9 @@ def show(
     """
     log = log or RunLog()
     if algo == NAVIGATION:
-        return Shown(algo=algo, parameters=_navigation(files, sets, log), remaps={})
+        return Shown(algo=algo, parameters=_navigation(files, sets, log, arguments), remaps={})
+    if algo == PLAN:
+        return Shown(algo=algo, parameters=_plan(files, sets, log), remaps={})
     if algo == SIMULATION:
         return Shown(algo=algo, parameters=_simulation(files, sets), remaps={})
     config = load_native(algo, files, sets, log, arguments)
@@ -77,7 +84,21 @@ def _rows(parameters: Any, sources: Mapping[str, str]) -> tuple[ResolvedParamete
     )
 
 
-def _navigation(files: Sequence[Path], sets: Sequence[str], log: RunLog) -> tuple[ResolvedParameter, ...]:
+def _navigation(
+    files: Sequence[Path], sets: Sequence[str], log: RunLog, arguments: Mapping[str, str] | None
+) -> tuple[ResolvedParameter, ...]:
+    config = load_navigation(files, sets, log=log, arguments=arguments)
+    return tuple(
+        ResolvedParameter(
+            declaration=replace(value.declaration, name=f"{value.section.replace('.', '/')}/{value.name}"),
+            value=value.value,
+            source=config.sources.get(value.key, "default"),
+        )
+        for value in config.values()
+    )
+
+
+def _plan(files: Sequence[Path], sets: Sequence[str], log: RunLog) -> tuple[ResolvedParameter, ...]:
     settings: list[Setting] = [setting for path in files for setting in read_ros_yaml(Path(path))]
     settings += [parse_set(text) for text in sets]
     entries = [(setting.name, setting.value, setting.source) for setting in settings]

@@ -28,7 +28,8 @@ from slamcli.navigation.local_planners import build_local_planner
 from slamcli.navigation.move_base import MoveBase, Phase
 from slamcli.navigation.planner_methods import Method
 from slamcli.navigation.recovery import build_recoveries
-from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Drive, Rates
+from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Rates
+from slamcli.pipelines.drive_record import Drive
 from slamcli.pipelines.generate import open_world
 from slamcli.pipelines.known_map import KnownMap
 from slamcli.pipelines.live_slam import build_live_slam
@@ -117,7 +118,7 @@ class Navigator:
     slam
         Map while driving, instead of a map.
     global_planner
-        Of `slamcli plan`.
+        Of `slamcli plan`; None: what the configuration says.
     dwa_scaling
         How DWA's weights are meant: noetic, or kinetic and older.
     people
@@ -144,7 +145,7 @@ class Navigator:
         world: str | None = None,
         localization: Localization = "amcl",
         slam: SlamChoice | None = None,
-        global_planner: Method = "navfn",
+        global_planner: Method | None = None,
         dwa_scaling: Literal["noetic", "kinetic"] = "noetic",
         people: int = 0,
         seed: int = 0,
@@ -167,7 +168,7 @@ class Navigator:
         self.plant = Plant(place, settings, start=pose, seed=seed, odometry_start=pose if slam else None)
         self.localiser = self._localised(localization, slam, grid, pose, seed, log)
         self.loop = ClosedLoop(
-            self.plant, self.localiser, self.costmaps, self._move_base(global_planner, dwa_scaling),
+            self.plant, self.localiser, self.costmaps, self._move_base(global_planner or config.global_planner, dwa_scaling),
             self._rates(settings), CollisionMonitor(config.monitor, self.costmaps.world.window().circumscribed_radius_m),
             listeners,
         )  # fmt: skip
@@ -265,7 +266,7 @@ class Navigator:
         costmap = self.config.global_costmap.costmap
         radius = COSTMAP_2D_ROBOT_RADIUS_M if costmap.robot_radius is None else costmap.robot_radius
         body: dict[str, Any] = {"robot.radius": max(radius, 0.02), "robot.footprint": costmap.footprint}
-        return resolve_settings(ROBOT_SETTINGS, body, {"people.count": people}, place.settings, self.config.simulation)
+        return resolve_settings(ROBOT_SETTINGS, {"people.count": people}, place.settings, body, self.config.simulation)
 
     def _localised(
         self,
@@ -294,7 +295,7 @@ class Navigator:
             config.local_planner, config.local_parameters, 1.0 / config.move_base.controller_frequency, dwa_scaling
         )
         radius = world.window().circumscribed_radius_m
-        recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius)
+        recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius, config.behaviours)
         planner = _CostmapPlanner(LivePlanner(config.planner, global_planner), world)
         return MoveBase(config.move_base, self.costmaps, planner, local, recoveries)
 

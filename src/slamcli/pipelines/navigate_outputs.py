@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,7 @@ import numpy as np
 from slamcli.evaluation.drive_story import DriveStory
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import write_tum
-from slamcli.navigation.local_planners import LOCAL_PLANNERS
-from slamcli.parameters import Declaration, as_dict, declarations
+from slamcli.parameters import as_dict
 from slamcli.pipelines.navigate import Navigator
 from slamcli.pipelines.navigate_request import NavigateRequest, inputs_of
 from slamcli.pipelines.navigation_config import NavigationConfig
@@ -52,7 +51,9 @@ def write_folder(
                 names += [path.name for path in write_map(folder / "map.yaml", story.grid)]
     document = {**document, "outputs": sorted([*names, "report.html", "run.json"])}
     document["timing"]["stages_s"] = {name: round(seconds, 3) for name, seconds in log.seconds.items()}
-    page = drive_report(document, story, title=_title(request), declared=_declared(config))
+    page = drive_report(
+        document, story, title=_title(request), declared=[replace(v.declaration, name=v.key) for v in config.values()]
+    )
     (folder / "report.html").write_text(page, encoding="utf-8")
     (folder / "run.json").write_text(to_json(document), encoding="utf-8")
     return document
@@ -64,7 +65,9 @@ def navigation_document(
 ) -> dict[str, Any]:  # fmt: skip
     """Return the ``run.json`` document."""
     config, plant = robot.config, robot.plant
-    parameters = _parameters(config) | {f"simulation.{name}": v for name, v in as_dict(plant.parameters).items()}
+    parameters = {v.key: v.value for v in config.values()} | {
+        f"simulation.{name}": v for name, v in as_dict(plant.parameters).items()
+    }
     document = run_document(
         command=request.command or "navigate",
         algo=config.local_planner,
@@ -81,7 +84,7 @@ def navigation_document(
         summary={
             "map": None if request.map_path is None else request.map_path.name, "world": request.world, "slam": request.slam,
             "start": story.truth[0].tolist() if len(story.truth) else None,
-            "local_planner": config.local_planner, "global_planner": request.global_planner,
+            "local_planner": config.local_planner, "global_planner": config.global_planner,
             "localization": request.localization, "people": request.people, **story.figures(),
         },
         outputs=outputs,
@@ -104,32 +107,3 @@ def _trajectory(story: DriveStory, poses: Any, start_ns: int) -> Trajectory:
     known = np.isfinite(poses).all(axis=1)
     stamps = start_ns + np.rint(story.times_s[known] * 1e9).astype(np.int64)
     return Trajectory.from_se2(stamps, poses[known], MAP_FRAME, "base_link")
-
-
-def _parts(config: NavigationConfig) -> list[tuple[str, Any]]:
-    """Return the parameters of each part under the name of its section; of a costmap each layer is a part."""
-    parts: list[tuple[str, Any]] = [("amcl", config.amcl)]
-    for name, costmap in (("global_costmap", config.global_costmap), ("local_costmap", config.local_costmap)):
-        seeing = [layer for layer in costmap.layers if layer.kind in ("obstacle", "voxel")]
-        parts += [(name, costmap.costmap), *((f"{name}.{layer.name}", layer.obstacle) for layer in seeing)]
-    parts += [(name, getattr(config, name)) for name in ("planner", "move_base", "recovery")]
-    return [*parts, (LOCAL_PLANNERS[config.local_planner].section, config.local_parameters)]
-
-
-def _parameters(config: NavigationConfig) -> dict[str, Any]:
-    values = {f"{section}.{name}": value for section, part in _parts(config) for name, value in as_dict(part).items()}
-    for name, costmap in (("global_costmap", config.global_costmap), ("local_costmap", config.local_costmap)):
-        for layer in costmap.layers:
-            for source in layer.sources:
-                told = dataclasses.asdict(source)
-                section = f"{name}.{layer.name}.{told.pop('name')}"
-                values |= {f"{section}.{key}": value for key, value in told.items()}
-    return values
-
-
-def _declared(config: NavigationConfig) -> list[Declaration]:
-    return [
-        dataclasses.replace(declaration, name=f"{section}.{declaration.name}")
-        for section, part in _parts(config)
-        for declaration in declarations(type(part))
-    ]

@@ -41,7 +41,8 @@ class NavigateRequest:
     """``KEY=VALUE`` with native keys of the tier that maps."""
     launch_arguments: Mapping[str, str] = field(default_factory=dict)
     local_planner: str | None = None
-    global_planner: Method = "navfn"
+    global_planner: Method | None = None
+    """None: what ``base_global_planner`` says."""
     dwa_scaling: Literal["noetic", "kinetic"] = "noetic"
     localization: Literal["amcl", "truth"] = "amcl"
     people: int = 0
@@ -79,14 +80,14 @@ def build_robot(request: NavigateRequest, log: RunLog) -> Navigator:
         of_tier = files_of_tier(request.slam, request.config_files, request.launch_arguments)
     config = load_navigation(
         [f for f in request.config_files if _is_for_navigation(f, of_tier, request.launch_arguments)], request.sets,
-        local_planner=request.local_planner, log=log, arguments=request.launch_arguments,
+        local_planner=request.local_planner, global_planner=request.global_planner, log=log, arguments=request.launch_arguments,
     )  # fmt: skip
     slam = None
     if request.slam is not None:
         slam = SlamChoice(algo=request.slam, files=of_tier, sets=request.slam_sets)
     return Navigator(
         request.map_path, start=_start(request), config=config, world=request.world, localization=request.localization,
-        slam=slam, global_planner=request.global_planner, dwa_scaling=request.dwa_scaling, people=request.people,
+        slam=slam, dwa_scaling=request.dwa_scaling, people=request.people,
         seed=request.seed, log=log,
     )  # fmt: skip
 

@@ -3,49 +3,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from slamcli.errors import ConfigError
 from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.native import Setting, read_launch, read_ros_yaml
+from slamcli.native.nav2_yaml import is_nav2, translate_nav2
 from slamcli.native.settings import find_native
 from slamcli.navigation.collision_monitor import CollisionMonitorParameters
 from slamcli.navigation.layered_files import read_costmaps
 from slamcli.navigation.layered_parameters import LayeredParameters
 from slamcli.navigation.local_planners import LOCAL_PLANNERS, LocalPlannerKind, find_local_planner
 from slamcli.navigation.move_base_parameters import MoveBaseParameters, RecoveryParameters
+from slamcli.navigation.obstacle_parameters import SourceParameters
+from slamcli.navigation.planner_methods import Method
 from slamcli.navigation.planner_parameters import PlannerParameters
-from slamcli.parameters import Declaration, convert, declarations, resolve, unknown_name
+from slamcli.navigation.planner_plugins import find_global_planner
+from slamcli.parameters import Declaration, declarations
 from slamcli.pipelines.config import parse_set
+from slamcli.pipelines.navigation_sections import COSTMAPS, Sections
 from slamcli.runtime import RunLog
-from slamcli.simulation import SimulationParameters
 
 DEFAULT_FILE = "move_base.launch"
 """The navigation set-up that slamcli brings along, and uses if no file is given."""
-
-_COSTMAPS = ("global_costmap", "local_costmap")
-_GLOBAL_PLANNERS = ("NavfnROS", "GlobalPlanner", "navfn", "planner")
-_RECOVERIES = {
-    "conservative_reset": "clear_costmap",
-    "aggressive_reset": "clear_costmap",
-    "clear_costmap": "clear_costmap",
-    "rotate_recovery": "rotate_recovery",
-    "move_slow_and_clear": "move_slow_and_clear",
-    "back_up": "back_up",
-}
-_OF_TRAJECTORY_PLANNER = {
-    "yaw_goal_tolerance": "rotate_recovery.yaw_goal_tolerance",
-    "acc_lim_th": "rotate_recovery.acc_lim_theta",
-    "acc_lim_theta": "rotate_recovery.acc_lim_theta",
-    "max_rotational_vel": "rotate_recovery.max_rotational_vel",
-    "max_vel_theta": "rotate_recovery.max_rotational_vel",
-    "min_in_place_rotational_vel": "rotate_recovery.min_in_place_rotational_vel",
-    "min_in_place_vel_theta": "rotate_recovery.min_in_place_rotational_vel",
-}
-"""What rotate_recovery reads from TrajectoryPlannerROS, and its own names for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +40,13 @@ class NavigationConfig:
     global_costmap: LayeredParameters
     local_costmap: LayeredParameters
     planner: PlannerParameters
+    global_planner: Method
+    """What `base_global_planner` means."""
     move_base: MoveBaseParameters
     recovery: RecoveryParameters
+    """Of every recovery behaviour without values of its own."""
+    behaviours: Mapping[str, RecoveryParameters] = field(default_factory=dict)
+    """Of those with values in the namespace of their own name."""
     monitor: CollisionMonitorParameters
     local_planner: LocalPlannerKind
     local_parameters: Any
@@ -65,8 +54,52 @@ class NavigationConfig:
     simulation: Mapping[str, Any] = field(default_factory=dict)
     """Settings of the simulated robot and its surroundings by native name."""
     sources: Mapping[str, str] = field(default_factory=dict)
-    """Where each value that was given stands, by its name with its section."""
+    """Where each value that was given stands, by section and name as `NavigationValue.key` has them."""
     files: tuple[Path, ...] = ()
+
+    def values(self) -> Iterator[NavigationValue]:
+        """Yield every parameter of every part in use."""
+        yield from _values("amcl", self.amcl)
+        for name, costmap in (("global_costmap", self.global_costmap), ("local_costmap", self.local_costmap)):
+            called = {layer.kind: layer.name for layer in costmap.layers}
+            for value in _values(name, costmap.costmap):
+                kind, of_layer, rest = value.name.partition("_layer.")
+                if not of_layer:
+                    yield value
+                elif kind in called:
+                    yield replace(value, name=f"{called[kind]}.{rest}")
+            for layer in costmap.layers:
+                if layer.kind in ("obstacle", "voxel"):
+                    yield from _values(f"{name}.{layer.name}", layer.obstacle)
+                    for source in layer.sources:
+                        yield from _values(f"{name}.{layer.name}.{source.name}", source, SourceParameters)
+        for name in ("planner", "move_base", "recovery"):
+            yield from _values(name, getattr(self, name))
+        for name, own in self.behaviours.items():
+            given = (value for value in _values("", own) if f"{name}.{_last(value.declaration.name)}" in self.sources)
+            for value in given:
+                yield NavigationValue(
+                    section=name, name=_last(value.name), declaration=value.declaration, value=value.value
+                )
+        yield from _values("collision_monitor", self.monitor)
+        yield from _values(LOCAL_PLANNERS[self.local_planner].section, self.local_parameters)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavigationValue:
+    """One parameter of one part."""
+
+    section: str
+    """``amcl``, ``global_costmap``, ``local_costmap.obstacle_layer``, ``DWAPlannerROS`` ..."""
+    name: str
+    """Within its section."""
+    declaration: Declaration
+    value: Any
+
+    @property
+    def key(self) -> str:
+        """Section and name, joined by a dot."""
+        return f"{self.section}.{self.name}"
 
 
 def load_navigation(
@@ -74,6 +107,7 @@ def load_navigation(
     sets: Sequence[str] = (),
     *,
     local_planner: str | None = None,
+    global_planner: str | None = None,
     log: RunLog | None = None,
     arguments: Mapping[str, str] | None = None,
 ) -> NavigationConfig:
@@ -82,13 +116,15 @@ def load_navigation(
     Parameters
     ----------
     files
-        Launch files with nodes move_base and amcl, and parameter YAML as they load it. A bare name that is not here
-        means slamcli's own file of that name. None at all: slamcli's move_base.launch.
+        Launch files with nodes move_base and amcl, and parameter YAML as they load it, or as nav2's nodes do. A bare name
+        that is not here means slamcli's own file of that name. None at all: slamcli's move_base.launch.
     sets
         ``KEY=VALUE``: ``DWAPlannerROS/max_vel_x=0.4``, ``amcl/min_particles=200``, ``local_costmap/width=6``,
-        ``laser.beams=720``. A name without section goes where there is only one of that name.
+        ``laser.beams=720``. A name without section goes where there is only one of that name, or to both costmaps.
     local_planner
         dwa, teb or pursuit; None: what base_local_planner says.
+    global_planner
+        Of `slamcli plan`; None: what base_global_planner says.
     log
         Gets a note for each parameter that has no effect here.
     arguments
@@ -101,24 +137,65 @@ def load_navigation(
     """
     log = log or RunLog()
     paths = [find_native(Path(file)) for file in files] or [find_native(Path(DEFAULT_FILE))]
-    collected = _Collected(log)
-    for path in paths:
-        for setting in _read(path, log, arguments or {}):
-            collected.take(setting)
-    if not collected.has_costmaps:  # as with no file at all: slamcli's own
+    settings = [setting for path in paths for setting in _read(path, log, arguments or {})]
+    sections = Sections(log)
+    given = [parse_set(text) for text in sets]
+    sections.learn([*settings, *given])
+    for setting in settings:
+        sections.take(setting)
+    if not sections.has_costmaps:  # as with no file at all: slamcli's own
         for setting in _read(find_native(Path(DEFAULT_FILE)), log, {}):
-            if setting.name.partition("/")[0] in _COSTMAPS:
-                collected.take(setting)
-    for text in sets:
-        collected.take(parse_set(text), anywhere=True)
-    return collected.build(local_planner, tuple(paths))
+            if setting.name.partition("/")[0] in COSTMAPS:
+                sections.take(setting)
+    for setting in given:
+        sections.take(setting, anywhere=True)
+    return _built(sections, local_planner, global_planner, tuple(paths), log)
+
+
+def _built(
+    sections: Sections, local_planner: str | None, global_planner: str | None, files: tuple[Path, ...], log: RunLog
+) -> NavigationConfig:
+    costmaps = read_costmaps(sections.costmaps)
+    for name, _, source in costmaps.rest:
+        raise sections.unknown(name, source)
+    move_base: MoveBaseParameters = sections.resolve("move_base")
+    try:
+        kind = find_local_planner(local_planner or move_base.base_local_planner)
+        method = find_global_planner(global_planner or move_base.base_global_planner)
+    except ConfigError as error:
+        raise sections.placed("move_base", error) from error
+    config = NavigationConfig(
+        amcl=sections.resolve("amcl"),
+        global_costmap=costmaps.global_costmap,
+        local_costmap=costmaps.local_costmap,
+        planner=sections.resolve("planner"),
+        global_planner=method,
+        move_base=move_base,
+        recovery=sections.resolve("recovery"),
+        behaviours=sections.behaviours(move_base),
+        monitor=sections.resolve("monitor"),
+        local_planner=kind,
+        local_parameters=sections.resolve(kind, sections.borrowed(kind)),
+        simulation=sections.values("simulation"),
+        sources=sections.sources | dict(costmaps.sources),
+        files=files,
+    )
+    for note in (*costmaps.notes, *sections.ignored()):
+        log.note(note)
+    return config
 
 
 def _read(path: Path, log: RunLog, arguments: Mapping[str, str]) -> Iterable[Setting]:
     """Yield what a file sets, with the sections that move_base and amcl know it by."""
     suffix = path.suffix.lower()
     if suffix in (".yaml", ".yml"):
-        yield from read_ros_yaml(path)
+        settings = read_ros_yaml(path)
+        if is_nav2(settings):
+            translated = translate_nav2(settings)
+            for note in translated.notes:
+                log.note(f"{path}: {note}")
+            settings = translated.settings
+        yield from settings
         return
     if suffix not in (".launch", ".xml"):
         raise ConfigError(f"{path}: navigation reads launch files (.launch, .xml) and parameter files (.yaml)")
@@ -135,159 +212,13 @@ def _read(path: Path, log: RunLog, arguments: Mapping[str, str]) -> Iterable[Set
             yield Setting(section + name, setting.value, setting.file, setting.line)
 
 
-class _Collected:
-    """Sorts settings into the sections that they belong to."""
-
-    def __init__(self, log: RunLog) -> None:
-        self._log = log
-        self._values: dict[str, dict[str, Any]] = {}
-        self._costmaps: list[tuple[str, Any, str]] = []
-        self._sources: dict[str, str] = {}
-        self._known: dict[str, dict[str, Declaration]] = {
-            "amcl": _table(AmclParameters),
-            "move_base": _table(MoveBaseParameters),
-            "planner": _table(PlannerParameters),
-            "recovery": _table(RecoveryParameters),
-            "monitor": _table(CollisionMonitorParameters),
-            "simulation": _table(SimulationParameters),
-            **{kind: _table(planner.parameters) for kind, planner in LOCAL_PLANNERS.items()},
-        }
-        self._sections: dict[str, LocalPlannerKind] = {p.section: kind for kind, p in LOCAL_PLANNERS.items()}
-        self._ignored: dict[str, list[str]] = {}
-
-    def take(self, setting: Setting, *, anywhere: bool = False) -> None:
-        """Put one setting where it belongs; `anywhere` lets a name without section find its place."""
-        parts = setting.name.replace("/", ".").split(".")
-        while len(parts) > 1 and parts[0] in ("move_base", "ros__parameters", "amcl") and parts[0] != "amcl":
-            parts = parts[1:]
-        head, rest = parts[0], ".".join(parts[1:])
-        name = ".".join(parts)
-        if head in _COSTMAPS:
-            self._costmaps.append((name, setting.value, setting.source))
-            self._sources[name] = setting.source
-        elif head == "amcl" and rest:
-            self._put("amcl", rest.removeprefix("ros__parameters."), setting)
-        elif head in self._sections and rest:
-            kind = self._sections[head]
-            self._put(kind, LOCAL_PLANNERS[kind].today(rest), setting)
-        elif head in _GLOBAL_PLANNERS and rest:
-            self._put("planner", rest, setting)
-        elif head in _RECOVERIES and rest:
-            self._put("recovery", f"{_RECOVERIES[head]}.{_recovery_name(rest)}", setting)
-        elif head == "collision_monitor" and rest:
-            self._put("monitor", name, setting)
-        elif head == "TrajectoryPlannerROS" and rest:
-            self._take_trajectory(rest, setting)
-        elif name in self._known["move_base"]:
-            self._put("move_base", name, _listed(setting) if name == "recovery_behaviors" else setting)
-        elif name in self._known["simulation"] and anywhere:
-            self._put("simulation", name, setting)
-        elif anywhere and (section := self._only(name, setting)) is not None:
-            self._put(section, name, setting)
-        else:
-            self._costmaps.append((name, setting.value, setting.source))  # of both, or unknown
-            self._sources[name] = setting.source
-
-    @property
-    def has_costmaps(self) -> bool:
-        """Whether anything was said of a costmap."""
-        return bool(self._costmaps)
-
-    def build(self, local_planner: str | None, files: tuple[Path, ...]) -> NavigationConfig:
-        """Return the parameters, checked."""
-        costmaps = read_costmaps(self._costmaps)
-        for name, _, source in costmaps.rest:
-            raise ConfigError(unknown_name(name, self._names(), source))
-        for note in costmaps.notes:
-            self._log.note(note)
-        move_base = resolve(MoveBaseParameters, self._values.get("move_base", {}))
-        kind = find_local_planner(local_planner or move_base.base_local_planner)
-        for why, names in self._ignored.items():
-            self._log.note(f"accepted without effect: {', '.join(names)} ({why})")
-        local_values = self._borrowed(kind) | self._values.get(kind, {})
-        return NavigationConfig(
-            amcl=resolve(AmclParameters, self._values.get("amcl", {})),
-            global_costmap=costmaps.global_costmap,
-            local_costmap=costmaps.local_costmap,
-            planner=resolve(PlannerParameters, self._values.get("planner", {})),
-            move_base=move_base,
-            recovery=resolve(RecoveryParameters, self._values.get("recovery", {})),
-            monitor=resolve(CollisionMonitorParameters, self._values.get("monitor", {})),
-            local_planner=kind,
-            local_parameters=resolve(LOCAL_PLANNERS[kind].parameters, local_values),
-            simulation=self._values.get("simulation", {}),
-            sources=self._sources,
-            files=files,
-        )
-
-    def _borrowed(self, kind: LocalPlannerKind) -> dict[str, Any]:
-        """Return the robot's limits that a local planner takes over from DWA's section where its own does not say."""
-        own = self._values.get(kind, {})
-        lent = LOCAL_PLANNERS[kind].borrow(self._values.get("dwa", {}))
-        values = {name: value for name, value in lent.items() if name not in own}
-        if values:
-            taken = ", ".join(f"{name} {value:g}" for name, value in values.items())
-            self._log.note(f"{LOCAL_PLANNERS[kind].section} takes the robot's limits from DWAPlannerROS: {taken}")
-        return values
-
-    def _put(self, section: str, name: str, setting: Setting) -> None:
-        known = self._known[section]
-        if name not in known:
-            raise ConfigError(unknown_name(name, known, f"{setting.source}, {section}"))
-        try:
-            value = convert(known[name], setting.value)
-        except ConfigError as error:
-            raise ConfigError(f"{setting.source}: {error}") from error
-        if not known[name].effective:
-            self._ignored.setdefault(known[name].help, []).append(f"{section}/{name}")
-        self._values.setdefault(section, {})[name] = value
-        self._sources[f"{section}.{name}"] = setting.source
-
-    def _only(self, name: str, setting: Setting) -> str | None:
-        """Return the one section that knows a name; None if none does."""
-        found = [section for section, known in self._known.items() if name in known]
-        if len(found) > 1:
-            choices = ", ".join(f"{self._title(section)}/{name}" for section in found)
-            raise ConfigError(f"{setting.source} {name}: several parts have a parameter of that name: write {choices}")
-        return found[0] if found else None
-
-    def _names(self) -> list[str]:
-        return [f"{self._title(section)}/{name}" for section, known in self._known.items() for name in known]
-
-    def _title(self, section: str) -> str:
-        return next((p.section for kind, p in LOCAL_PLANNERS.items() if kind == section), section)
-
-    def _take_trajectory(self, name: str, setting: Setting) -> None:
-        if name in _OF_TRAJECTORY_PLANNER:
-            self._put("recovery", _OF_TRAJECTORY_PLANNER[name], setting)
-        else:
-            why = "TrajectoryPlannerROS is not one of the local planners here: choose dwa, teb or pursuit"
-            self._ignored.setdefault(why, []).append(f"TrajectoryPlannerROS/{name}")
+def _values(section: str, parameters: Any, kind: type | None = None) -> Iterator[NavigationValue]:
+    for entry in declarations(kind or type(parameters)):
+        yield NavigationValue(
+            section=section, name=entry.name.removeprefix(f"{section}."), declaration=entry,
+            value=attrgetter(entry.field)(parameters),
+        )  # fmt: skip
 
 
-def _table(parameters: type) -> dict[str, Declaration]:
-    return {declaration.name: declaration for declaration in declarations(parameters)}
-
-
-def _recovery_name(name: str) -> str:
-    """Return our name of what the original calls otherwise in a behaviour's namespace."""
-    return name.split(".")[-1]
-
-
-def _listed(setting: Setting) -> Setting:
-    """Return recovery_behaviors as names, where it is ROS's list of names and types."""
-    if not isinstance(setting.value, list):
-        return setting
-    names = []
-    for entry in setting.value:
-        name = str(entry.get("name", "")) if isinstance(entry, dict) else str(entry)
-        kind = str(entry.get("type", "")).rpartition("/")[2] if isinstance(entry, dict) else ""
-        names.append(_BY_TYPE.get(kind, name) if name not in _RECOVERIES else name)
-    return Setting(setting.name, " ".join(names), setting.file, setting.line)
-
-
-_BY_TYPE = {
-    "ClearCostmapRecovery": "conservative_reset",
-    "RotateRecovery": "rotate_recovery",
-    "MoveSlowAndClear": "move_slow_and_clear",
-}
+def _last(name: str) -> str:
+    return name.rpartition(".")[2]

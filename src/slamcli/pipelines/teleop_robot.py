@@ -19,6 +19,7 @@ from slamcli.pipelines.localisers import SlamLocaliser
 from slamcli.pipelines.loop_listener import LoopListener
 from slamcli.pipelines.rhythm import TICK_S, Rhythm
 from slamcli.pipelines.teleop_request import TeleopRequest
+from slamcli.recordings.scan_normalisation import turn_counter_clockwise
 from slamcli.runtime import RunLog
 from slamcli.simulation import SimulationParameters, World, laser, resolve_settings
 from slamcli.simulation.drive import start_pose
@@ -170,6 +171,9 @@ class TeleopRobot:
         self.seen_m = self._ends(scan)
 
     def _map(self, localiser: SlamLocaliser, scan: LaserScan) -> None:
+        p = self.plant.parameters
+        if p.laser_clockwise or p.laser_upside_down:  # tiers take scans that run counter-clockwise
+            scan = turn_counter_clockwise(scan, mirrored=p.laser_upside_down)
         localiser.on_scan(scan, self.plant.odom_pose, self.plant.T_base_laser)
         grid = localiser.new_map()
         self.grid = self.grid if grid is None else grid

@@ -97,9 +97,33 @@ _KNOWN = {
         "standard deviations",
         "How far the matched motion lies from what the wheels told, in standard deviations of the motion model; peaks are slip, bumps, or clocks that do not agree.",
     ),
+    "particles": _Known(
+        "Particles",
+        "particles",
+        "As many as their spread asks for; ticks are scans that moved and weighed them.",
+        marks="used",
+    ),
+    "groups": _Known("Groups of particles", "groups", "Places where the robot may be; one where it is known."),
+    "best_weight": _Known(
+        "Weight of the best group", "share", "How much of all weight the place that is told has.", from_zero=True
+    ),
+    "scan_fit": _Known(
+        "Fit of the scan to the map",
+        "0 to 1",
+        "1: all readings lie on walls. It falls where the surroundings have changed or people stand, and where the pose is wrong.",
+    ),
+    "deviation_m": _Known(
+        "Standard deviation of the position", "m", "Of all particles about their mean, both coordinates together."
+    ),
+    "deviation_rad": _Known("Standard deviation of the heading", "°", "Likewise.", factor=180.0 / np.pi),
 }
-_BESIDE = {"num_particles": "number of particles", "resampled": "resampling", "untracked": "frame without a pose"}
-_HIDDEN = ("stamp_ns", "resampled", "num_particles", "inserted", "node", "tracked", "untracked")
+_BESIDE = {
+    "used": "scan used",
+    "num_particles": "number of particles",
+    "resampled": "resampling",
+    "untracked": "frame without a pose",
+}
+_HIDDEN = ("stamp_ns", "used", "resampled", "num_particles", "inserted", "node", "tracked", "untracked")
 
 
 def figures(steps: Mapping[str, NDArray[Any]], began_ns: int | None = None) -> list[str]:

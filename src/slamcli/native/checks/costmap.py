@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 
 from slamcli.native.checks.findings import ERROR, NOTE, WARNING, Finding, at, below, check_declared, check_value, number
+from slamcli.native.checks.navigation_traps import check_finite
 from slamcli.native.ros_parameters.costmap import COSTMAP, LAYERS, PLUGIN_TYPES, PRE_HYDRO, SOURCE
 from slamcli.native.settings import Setting
 from slamcli.parameters import unknown_name
@@ -13,11 +14,15 @@ from slamcli.parameters import unknown_name
 _LISTS = {"footprint", "plugins"}
 
 
-def check_costmap(settings: Mapping[str, Setting], *, partial: bool = False) -> Iterator[Finding]:
+def check_costmap(
+    settings: Mapping[str, Setting], *, partial: bool = False, cleared: Collection[str] = ("obstacles",)
+) -> Iterator[Finding]:
     """Yield what is wrong with the parameters of one costmap.
 
-    With `partial` the settings are one of several files of it (``costmap_common_params.yaml``).
+    With `partial` the settings are one of several files of it (``costmap_common_params.yaml``). `cleared` are the layers that
+    recoveries clear.
     """
+    yield from check_finite(settings)
     layers = yield from _layers(settings)
     modern = "plugins" in settings
     own = {**{e.name: e for e in COSTMAP}, **({} if modern else {e.name: e for e in PRE_HYDRO})}
@@ -35,7 +40,7 @@ def check_costmap(settings: Mapping[str, Setting], *, partial: bool = False) -> 
     for layer, kind in layers.items():
         yield from _check_layer(below(settings, layer), kind)
     yield from _check_sources(settings, "observation_sources", top_sources)
-    yield from _traps(settings, layers, partial)
+    yield from _traps(settings, layers, partial, cleared)
 
 
 def _layers(settings: Mapping[str, Setting]) -> Generator[Finding, None, dict[str, str]]:
@@ -100,19 +105,32 @@ def _ranges(settings: Mapping[str, Setting]) -> Iterator[Finding]:
         )
 
 
-def _traps(settings: Mapping[str, Setting], layers: Mapping[str, str], partial: bool) -> Iterator[Finding]:
+def _who_clears(cleared: Collection[str]) -> str:
+    if set(cleared) == {"obstacles"}:
+        return "clear_costmap_recovery clears the layer named 'obstacles' unless told otherwise"
+    return f"clear_costmap_recovery is told to clear {', '.join(map(repr, cleared))}"
+
+
+def _traps(
+    settings: Mapping[str, Setting], layers: Mapping[str, str], partial: bool, cleared: Collection[str]
+) -> Iterator[Finding]:
     static = settings.get("static_map")
     if static is not None and "plugins" not in settings:
         names = [*(["static_layer"] if static.value is True else []), "obstacle_layer", "inflation_layer"]
         yield at(static, NOTE, f"no plugins list: the layers are those from before Hydro, {', '.join(names)}")
-        yield at(
-            static,
-            WARNING,
-            "clear_costmap_recovery clears the layer named 'obstacles' unless told otherwise; here it is 'obstacle_layer', "
-            "so that both default recoveries clear nothing: set layer_names: [obstacle_layer]",
-        )
+        if "obstacle_layer" not in cleared:
+            yield at(
+                static,
+                WARNING,
+                f"{_who_clears(cleared)}; here it is 'obstacle_layer', so that both default recoveries clear nothing: set "
+                "layer_names: [obstacle_layer]",
+            )
     elif static is not None:
         yield at(static, WARNING, "static_map is not read when there is a plugins list")
+    sensing = [layer for layer, kind in layers.items() if kind in ("obstacle_layer", "voxel_layer")]
+    if "plugins" in settings and sensing and not set(sensing) & set(cleared):
+        message = f"{_who_clears(cleared)}; here there is {', '.join(sensing)}, so that recoveries clear nothing: set layer_names: [{', '.join(sensing)}]"
+        yield at(settings["plugins"], WARNING, message)
     rolling = settings.get("rolling_window")
     if rolling is not None and rolling.value is True and static is not None and static.value is True:
         yield at(rolling, WARNING, "rolling_window with static_map: the window shows the static map around the robot")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 from slamcli.errors import ConfigError
@@ -15,20 +16,26 @@ from slamcli.native.checks.costmap import check_costmap
 from slamcli.native.checks.findings import ERROR, NOTE, WARNING, Finding, at, below, check_declared
 from slamcli.native.checks.gmapping import check_gmapping
 from slamcli.native.checks.map_yaml import check_map_yaml
+from slamcli.native.checks.nav2 import check_nav2
 from slamcli.native.checks.navigation import PLANNERS, check_amcl, check_move_base
 from slamcli.native.checks.orbslam import check_orbslam
 from slamcli.native.checks.rtabmap import check_rtabmap_ini, check_rtabmap_nodes
 from slamcli.native.launch import LaunchNode, read_launch
+from slamcli.native.nav2_yaml import is_nav2
 from slamcli.native.opencv_yaml import is_opencv_yaml, read_opencv_yaml
 from slamcli.native.orbslam_launch import find_settings, is_orbslam
 from slamcli.native.ros_parameters.costmap import COSTMAP, LAYERS, PRE_HYDRO
+from slamcli.native.ros_parameters.move_base import RECOVERIES
 from slamcli.native.ros_yaml import read_ros_yaml
 from slamcli.native.rtabmap_names import NODES, ODOMETRY_NODES, PACKAGES, type_of
 from slamcli.native.rtabmap_nodes import launched_nodes, yaml_nodes
 from slamcli.native.settings import Setting, merge, read_text, shipped_folders
 from slamcli.parameters import Declaration
 
-Check = Callable[[Mapping[str, Setting]], Iterator[Finding]]
+Check = Callable[..., Iterator[Finding]]
+"""Takes the settings of a node."""
+Nodes = Mapping[str, Check]
+"""Checks of nodes by their type."""
 
 # Executables by the package that has them, where a wrong package is a known mistake.
 _PACKAGES = {
@@ -43,10 +50,14 @@ _PACKAGES = {
 _COSTMAP_KEYS = {e.name for e in (*COSTMAP, *PRE_HYDRO)} | set(LAYERS) | {"footprint", "plugins"}
 
 
+_MOVE_BASE = {"global_costmap", "local_costmap", *PLANNERS, *RECOVERIES, "base_local_planner", "recovery_behaviors"}
+
 Tables = Mapping[str, tuple[Declaration, ...]]
 
 
-def check_file(path: Path, tables: Tables, beams: int | None = None) -> tuple[Finding, ...]:
+def check_file(
+    path: Path, tables: Tables, beams: int | None = None, range_m: float | None = None
+) -> tuple[Finding, ...]:
     """Return what is wrong with one native file, in the order of its lines.
 
     Parameters
@@ -58,34 +69,41 @@ def check_file(path: Path, tables: Tables, beams: int | None = None) -> tuple[Fi
         The declarations of the tiers ``gmapping``, ``cartographer``, ``orbslam3`` and ``rtabmap``.
     beams
         The number of beams of the scanner that will be used, if known.
+    range_m
+        How far it sees, in metres, if known.
     """
+    nodes: dict[str, Check] = {
+        "amcl": partial(check_amcl, range_m=range_m),
+        "move_base": partial(check_move_base, range_m=range_m),
+        "nav2": partial(check_nav2, file=str(path), range_m=range_m),
+    }
 
     def check_node(settings: Mapping[str, Setting]) -> Iterator[Finding]:
         yield from check_declared(settings, tables["gmapping"], "slam_gmapping")
         yield from check_gmapping(settings, beams)
 
     try:
-        found = list(_check(path, check_node, tables))
+        found = list(_check(path, {"slam_gmapping": check_node, **nodes}, tables))
     except ConfigError as error:
         return (_from_error(path, error),)
     unique = dict.fromkeys(found)
     return tuple(sorted(unique, key=lambda finding: (finding.file != str(path), finding.file, finding.line)))
 
 
-def _check(path: Path, gmapping: Check, tables: Tables) -> Iterator[Finding]:
+def _check(path: Path, nodes: Nodes, tables: Tables) -> Iterator[Finding]:
     suffix = path.suffix.lower()
     if suffix in (".launch", ".xml"):
-        return _check_launch(path, gmapping, tables)
+        return _check_launch(path, nodes, tables)
     if suffix in (".yaml", ".yml") and is_opencv_yaml(read_text(path)):
         return check_orbslam(str(path), read_opencv_yaml(path), tables["orbslam3"])
     if suffix in (".yaml", ".yml"):
         settings = merge(read_ros_yaml(path))
-        nodes = yaml_nodes(settings.values())
-        if any(_is_of_rtabmap(name, tables) for node in nodes for name in node.settings):
-            return check_rtabmap_nodes(
-                nodes, tables["rtabmap"], ros2=any("ros__parameters" in name for name in settings)
-            )
-        return _check_yaml(settings, path, gmapping)
+        found = yaml_nodes(settings.values())
+        if any(_is_of_rtabmap(name, tables) for node in found for name in node.settings):
+            return check_rtabmap_nodes(found, tables["rtabmap"], ros2=is_nav2(settings.values()))
+        if is_nav2(settings.values()):
+            return nodes["nav2"](settings)
+        return _check_yaml(settings, path, nodes)
     if suffix == ".lua":
         return check_cartographer(read_cartographer_lua(path, shipped_folders()), tables["cartographer"])
     if suffix == ".ini":
@@ -111,9 +129,9 @@ def _from_error(path: Path, error: ConfigError) -> Finding:
     return Finding(ERROR, str(path), 0, message if head == str(path) else text)
 
 
-def _check_launch(path: Path, gmapping: Check, tables: Tables) -> Iterator[Finding]:
+def _check_launch(path: Path, nodes: Nodes, tables: Tables) -> Iterator[Finding]:
     launch = read_launch(path)
-    checks: dict[str, Check] = {"slam_gmapping": gmapping, "amcl": check_amcl, "move_base": check_move_base}
+    checks: dict[str, Check] = {**nodes, "move_base": partial(nodes["move_base"], whole=True)}
     for node in launch.nodes:
         yield from _check_package(node)
         if node.type in checks:
@@ -126,9 +144,9 @@ def _check_launch(path: Path, gmapping: Check, tables: Tables) -> Iterator[Findi
             continue
         elif node.params:
             yield Finding(NOTE, node.file, node.line, f"the parameters of {node.package}/{node.type} are not checked")
-    nodes = launched_nodes(launch)
-    if nodes:
-        yield from check_rtabmap_nodes(nodes, tables["rtabmap"])
+    of_rtabmap = launched_nodes(launch)
+    if of_rtabmap:
+        yield from check_rtabmap_nodes(of_rtabmap, tables["rtabmap"])
     for note in launch.notes:
         place, _, message = note.partition(": ")
         file, _, line = place.rpartition(":")
@@ -170,29 +188,29 @@ def _check_package(node: LaunchNode) -> Iterator[Finding]:
         yield Finding(ERROR, node.file, node.line, message)
 
 
-def _check_yaml(settings: Mapping[str, Setting], path: Path, gmapping: Check) -> Iterator[Finding]:
+def _check_yaml(settings: Mapping[str, Setting], path: Path, nodes: Nodes) -> Iterator[Finding]:
     heads = {name.partition("/")[0] for name in settings}
     if not settings:
         yield Finding(NOTE, str(path), 0, "holds no parameters")
     elif "image" in heads and ("resolution" in heads or "occupied_thresh" in heads or "origin" in heads):
         yield from check_map_yaml(settings)
-    elif heads & {"global_costmap", "local_costmap", *PLANNERS, "base_local_planner", "recovery_behaviors"}:
-        yield from check_move_base(settings)
+    elif heads & _MOVE_BASE:
+        yield from nodes["move_base"](settings)
     elif heads <= {"amcl"}:
-        yield from check_amcl(below(settings, "amcl"))
+        yield from nodes["amcl"](below(settings, "amcl"))
     elif heads <= {"slam_gmapping"}:
-        yield from gmapping(below(settings, "slam_gmapping"))
+        yield from nodes["slam_gmapping"](below(settings, "slam_gmapping"))
     else:
-        yield from _guess(settings, heads, gmapping, path)
+        yield from _guess(settings, heads, nodes, path)
 
 
-def _guess(settings: Mapping[str, Setting], heads: set[str], gmapping: Check, path: Path) -> Iterator[Finding]:
+def _guess(settings: Mapping[str, Setting], heads: set[str], nodes: Nodes, path: Path) -> Iterator[Finding]:
     """Take the reader that knows most of the names, if it knows half of them."""
     candidates: dict[str, tuple[Check, list[Finding]]] = {
         "costmap_2d": (lambda s: check_costmap(s, partial=True), []),
-        "slam_gmapping": (gmapping, []),
-        "amcl": (check_amcl, []),
-        "move_base": (check_move_base, []),
+        "slam_gmapping": (nodes["slam_gmapping"], []),
+        "amcl": (nodes["amcl"], []),
+        "move_base": (nodes["move_base"], []),
     }
     scores = {}
     for name, (check, found) in candidates.items():

@@ -60,6 +60,11 @@ class Alternatives:
         """Forget all bands."""
         self._kept = []
 
+    def drop_first(self, count: int) -> None:
+        """Forget the best bands, which cannot be driven; the next one is the choice."""
+        if count:
+            self._kept = [replace(kept, chosen=k == 0) for k, kept in enumerate(self._kept[count:])]
+
     def plan(self, path: Array, optimiser: BandOptimiser, obstacles: ObstacleField, time_s: float) -> tuple[Band, ...]:
         """Return optimised bands along the local plan `path`, float64 (N, 3), N >= 2, from its first to its last pose.
 

@@ -21,9 +21,9 @@ class HomotopyParameters:
     max_number_classes: int = parameter(5, "Most alternatives.", minimum=1, maximum=100)
     max_number_plans_in_current_class: int = parameter(
         1,
-        "Alternatives of the same class as the chosen one; more than one never differ for long.",
+        "Accepted; one is kept of each class: several soon are the same.",
         minimum=1,
-        maximum=1,
+        effective=False,
     )
     selection_cost_hysteresis: float = parameter(
         1.0, "The last choice's cost counts times this.", minimum=0.0, maximum=2.0
@@ -105,7 +105,5 @@ class RecoveryParameters:
     oscillation_filter_duration: float = parameter(
         10.0, "Time over which means are taken.", unit="s", minimum=0.1, maximum=1000.0
     )
-    divergence_detection_enable: bool = parameter(False, "Give up a band whose cost per residual is too great.")
-    divergence_detection_max_chi_squared: float = parameter(
-        10.0, "That bound, on the greatest cost of one obstacle residual.", minimum=0.0, maximum=1e9
-    )
+    divergence_detection_enable: bool = parameter(False, "Give no velocity from a band whose cost is too great.")
+    divergence_detection_max_chi_squared: float = parameter(10.0, "That bound.", minimum=0.0, maximum=1e9)

@@ -78,7 +78,7 @@ class HorizonBackup:
             self._failed_s = time_s
 
     def shortened(self, path: Array, *, reaches_goal: bool, time_s: float) -> Array:
-        """Return the local plan, half of it while bands fail; not where it ends at the goal."""
+        """Return the local plan, half of it after bands failed (three quarters after many); all where it ends at the goal."""
         recent = time_s - self._failed_s < self._rules.shrink_horizon_min_duration
         if not self._rules.shrink_horizon_backup or reaches_goal or not (self._failures or recent):
             return path

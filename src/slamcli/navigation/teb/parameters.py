@@ -6,6 +6,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from slamcli.errors import ConfigError
+from slamcli.navigation.footprint import parse_footprint
 from slamcli.navigation.teb.choice_parameters import HomotopyParameters, RecoveryParameters
 from slamcli.navigation.teb.cost_parameters import ObstacleParameters, OptimisationParameters
 from slamcli.parameters import group, parameter
@@ -146,6 +151,25 @@ class FootprintModel:
     line_start: str = parameter("[-0.3, 0.0]", "Of line, in the base frame.", unit="m")
     line_end: str = parameter("[0.3, 0.0]", "Of line, in the base frame.", unit="m")
     vertices: str = parameter("[]", "Of polygon: [[x1, y1], [x2, y2], ...] in the base frame.", unit="m")
+
+    def __post_init__(self) -> None:
+        """Refuse lists that are none."""
+        if self.type in ("line", "polygon"):
+            self.points()
+
+    def points(self) -> NDArray[np.float64]:
+        """Return the corners of a polygon or the two ends of a line, float64 (N, 2), metres, base frame.
+
+        Raises
+        ------
+        ConfigError
+            If they are not a list of points with finite coordinates, or too few.
+        """
+        text = f"[{self.line_start}, {self.line_end}, {self.line_end}]" if self.type == "line" else self.vertices
+        points = parse_footprint(text)
+        if not points:
+            raise ConfigError(f"footprint_model.type={self.type!r}: footprint_model.vertices has no points")
+        return np.array(points[:2] if self.type == "line" else points, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -114,15 +114,11 @@ class TebPlanner:
         bands = self._alternatives.plan(path, optimiser, obstacles, state.time_s)
         band = self._first_feasible(bands, obstacles, state)
         twist = saturated(first_twist(band, rules), rules.robot)
-        if not np.isfinite(twist).all():
-            self._alternatives.clear()
-            raise NoCommandError("the band diverged: no velocity comes from it")
+        cost = self._checked_cost(twist)
         self._oscillation.observe(twist, state.time_s)
         if rules.robot.cmd_angle_instead_rotvel:
             twist[2] = steering(twist, rules.robot)
-        chosen = self._alternatives.kept[0].costs
-        total = 0.0 if chosen is None else chosen.time + chosen.obstacles + chosen.via_points + chosen.other
-        return LocalCommand(twist=twist, trajectory=band.poses, cost=float(total))
+        return LocalCommand(twist=twist, trajectory=band.poses, cost=cost)
 
     def is_goal_reached(self, state: RobotState) -> bool:
         """Whether the robot stands at the goal, within tolerances."""
@@ -137,6 +133,16 @@ class TebPlanner:
         )
         left = rules.complete_global_plan and self._via_points_left > 0
         return bool((stands or rules.free_goal_vel) and not left)
+
+    def _checked_cost(self, twist: Array) -> float:
+        """Return what the chosen band costs."""
+        costs, bounds = self._alternatives.kept[0].costs, self._parameters.recovery
+        total = 0.0 if costs is None else costs.time + costs.obstacles + costs.via_points + costs.other
+        diverged = bounds.divergence_detection_enable and total > bounds.divergence_detection_max_chi_squared
+        if diverged or not np.isfinite(twist).all():
+            self._alternatives.clear()
+            raise NoCommandError(f"the band diverged: it costs {total:.3g}")
+        return float(total)
 
     def _moving_discs(self, state: RobotState, costmap: CostWindow) -> Array:
         """Return what is known to move, or else what is seen to."""
@@ -155,7 +161,7 @@ class TebPlanner:
 
     def _first_feasible(self, bands: tuple[Band, ...], obstacles: ObstacleField, state: RobotState) -> Band:
         rules = self._parameters.trajectory
-        for band in bands:
+        for place, band in enumerate(bands):
             poses = band.poses
             if rules.feasibility_check_no_poses >= 0:
                 poses = poses[: rules.feasibility_check_no_poses + 1]
@@ -164,6 +170,7 @@ class TebPlanner:
                 poses = poses[: int(np.argmax(far))] if far.any() else poses
             if self._is_feasible(poses, obstacles):
                 self._horizon.observe(feasible=True, time_s=state.time_s)
+                self._alternatives.drop_first(place)
                 return band
         self._horizon.observe(feasible=False, time_s=state.time_s)
         self._alternatives.clear()

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import ConfigError
 from slamcli.navigation.cost_window import CostWindow
-from slamcli.navigation.footprint import parse_footprint
 from slamcli.navigation.teb.parameters import FootprintModel
 
 Array = NDArray[np.float64]
@@ -34,13 +32,7 @@ class RobotOutline:
 
 
 def robot_outline(model: FootprintModel, costmap: CostWindow) -> RobotOutline:
-    """Return the outline of a footprint model; of the costmap's footprint for ``auto``.
-
-    Raises
-    ------
-    ConfigError
-        If a list of coordinates of the model is not one.
-    """
+    """Return the outline of a footprint model; of the costmap's footprint for ``auto``."""
     if model.type == "point":
         return _discs((0.0, 0.0, 0.0))
     if model.type == "circular":
@@ -48,20 +40,13 @@ def robot_outline(model: FootprintModel, costmap: CostWindow) -> RobotOutline:
     if model.type == "two_circles":
         return _discs((model.front_offset, 0.0, model.front_radius), (-model.rear_offset, 0.0, model.rear_radius))
     if model.type == "line":
-        ends = _points("line", f"[{model.line_start}, {model.line_end}, {model.line_end}]")
+        ends = model.points()
         return RobotOutline(segments=np.array([[*ends[0], *ends[1], 0.0]]), closed=False)
     if model.type == "polygon":
-        return polygon(_points("polygon", model.vertices))
+        return polygon(model.points())
     if costmap.circumscribed_radius_m <= _NEARLY_A_CIRCLE * costmap.inscribed_radius_m:
         return _discs((0.0, 0.0, costmap.circumscribed_radius_m))
     return polygon(costmap.footprint)
-
-
-def _points(type_name: str, text: str) -> Array:
-    points = parse_footprint(text)
-    if not points:
-        raise ConfigError(f"footprint_model.type={type_name!r}: its points are missing")
-    return np.array(points, dtype=np.float64)
 
 
 def _discs(*discs: tuple[float, float, float]) -> RobotOutline:
