@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,14 +21,12 @@ from slamcli.navigation.scan_observation import observe_scan
 from slamcli.pipelines.drive_record import Drive, DriveRecord
 from slamcli.pipelines.localisers import Localiser
 from slamcli.pipelines.loop_listener import LoopListener
+from slamcli.pipelines.rhythm import TICK_S, Rhythm
 from slamcli.pipelines.unexpected import WallMask
 from slamcli.recordings.scan_normalisation import turn_counter_clockwise
 from slamcli.simulation.plant import Plant
 
 Array = NDArray[np.float64]
-
-TICK_S = 0.01
-"""Step of simulated time; every rhythm is kept to the tick."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,13 +71,13 @@ class ClosedLoop:
         self._pose_odom, self._twist = np.zeros(3), np.zeros(3)
         self._drive: DriveRecord | None = None
         self._rhythms = [
-            _Rhythm(rates.odometry, self._odometry),
-            _Rhythm(rates.scan, self._scan),
-            _Rhythm(rates.local_costmap, self._update_local),
-            _Rhythm(rates.global_costmap, self._update_global),
-            _Rhythm(rates.control, self._control),
-            _Rhythm(rates.publish_local, lambda: self._publish("local")),
-            _Rhythm(rates.publish_global, lambda: self._publish("global")),
+            Rhythm(rates.odometry, self._odometry),
+            Rhythm(rates.scan, self._scan),
+            Rhythm(rates.local_costmap, self._update_local),
+            Rhythm(rates.global_costmap, self._update_global),
+            Rhythm(rates.control, self._control),
+            Rhythm(rates.publish_local, lambda: self._publish("local")),
+            Rhythm(rates.publish_global, lambda: self._publish("global")),
         ]
         self._last_phase = Phase.IDLE
 
@@ -218,19 +215,3 @@ class ClosedLoop:
                 text = f"recovery: {cycle.recovery}" if cycle.recovery else cycle.message
                 listener.on_status(self.time_s, cycle.phase.value, text)
         self._last_phase = cycle.phase
-
-
-class _Rhythm:
-    """Something that happens every so often, for the first time at once; never with rate 0."""
-
-    def __init__(self, rate_hz: float, act: Callable[[], None]) -> None:
-        self._period = 1.0 / (rate_hz * TICK_S) if rate_hz > 0.0 else math.inf
-        self._count = 0
-        self.due: float = 0 if rate_hz > 0.0 else math.inf
-        """The tick at which it happens next."""
-        self.act = act
-
-    def advance(self) -> None:
-        """Note that it has happened."""
-        self._count += 1
-        self.due = max(round(self._count * self._period), int(self.due) + 1)

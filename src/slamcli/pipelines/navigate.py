@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -27,6 +28,7 @@ from slamcli.navigation.live_planner import LivePlanner
 from slamcli.navigation.local_planners import build_local_planner
 from slamcli.navigation.move_base import MoveBase, Phase
 from slamcli.navigation.planner_methods import Method
+from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.recovery import build_recoveries
 from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Rates
 from slamcli.pipelines.drive_record import Drive
@@ -54,6 +56,7 @@ ROBOT_SETTINGS: Mapping[str, Any] = {
 
 _SHOWN_HZ = 2.0, 0.5
 """How often listeners are told of the local and the global costmap where publish_frequency is 0: what is published is theirs to say."""
+_COST_FACTOR = 0.2
 _FIRST_MAP_M = 10.0
 """Side of the unknown square that a robot without a map begins with."""
 _MAP_PERIOD_S = 1.0
@@ -162,7 +165,7 @@ class Navigator:
             local=LayeredCostmap(config.local_costmap, name="local", static=grid),
         )
         self.costmaps.world.update(pose)
-        self._known = None if slam else KnownMap(config.planner, self.costmaps.world.window())
+        self._known = None if slam else KnownMap(_for_driving(config.planner, "navfn"), self.costmaps.world.window())
         self._check_start(pose)
         settings = self._settings(place, people)
         self.plant = Plant(place, settings, start=pose, seed=seed, odometry_start=pose if slam else None)
@@ -296,7 +299,7 @@ class Navigator:
         )
         radius = world.window().circumscribed_radius_m
         recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius, config.behaviours)
-        planner = _CostmapPlanner(LivePlanner(config.planner, global_planner), world)
+        planner = _CostmapPlanner(LivePlanner(_for_driving(config.planner, global_planner), global_planner), world)
         return MoveBase(config.move_base, self.costmaps, planner, local, recoveries)
 
     def _rates(self, settings: SimulationParameters) -> Rates:
@@ -321,6 +324,17 @@ class _CostmapPlanner:
     def make_plan(self, start: Array, goal: Array) -> Array:
         """Return a plan (N, 3) in map."""
         return self._planner.plan(self._costmap.window(), start.tolist(), goal.tolist()).poses
+
+
+def _for_driving(parameters: PlannerParameters, method: Method) -> PlannerParameters:
+    """Return the planner's parameters with navfn's `cost_factor` where it is left to us.
+
+    With navfn's own constant, 0.8, plans go up to 1.45 times the shortest way to keep off walls that the robot passes with ease; the local
+    planner keeps it off them as well.
+    """
+    if method != "navfn" or parameters.cost_factor is not None:
+        return parameters
+    return dataclasses.replace(parameters, cost_factor=_COST_FACTOR)
 
 
 def _opened(
