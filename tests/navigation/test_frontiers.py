@@ -31,7 +31,12 @@ def drawn(*rows):
 
 
 def find(costs, pose=(0.5, 0.5, 0.0), resolution_m=1.0, origin=(0.0, 0.0), **parameters):
-    of_explore_lite = {"min_frontier_size": 0.0, "potential_scale": 1e-3, "goal_point": "centroid"}
+    of_explore_lite = {
+        "min_frontier_size": 0.0,
+        "potential_scale": 1e-3,
+        "goal_point": "centroid",
+        "goal_distance": 0.0,
+    }
     p = ExploreParameters(**of_explore_lite | parameters)
     return FrontierSearch(p).find(costs, origin, resolution_m, np.array(pose))
 
