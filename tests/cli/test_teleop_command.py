@@ -177,14 +177,14 @@ def session(tmp_path, *options):
     )  # fmt: skip
     written = bytearray()
 
-    def pump(until, seconds=60.0):
+    def pump(until, seconds=300.0):  # kernels may have to be compiled first
         end = time.monotonic() + seconds
         while not until() and time.monotonic() < end:
             if select.select([master], [], [], 0.05)[0]:
                 written.extend(os.read(master, 65536))
 
     try:
-        pump(lambda: written.count(b"\x1b[H") > 2)
+        pump(lambda: written.count(b"\x1b[H") > 2 or process.poll() is not None)
         yield process, written, pump, master
         pump(lambda: process.poll() is not None)
         pump(lambda: False, 0.2)
@@ -203,9 +203,9 @@ def test_a_drive_in_a_terminal(tmp_path):
     with session(tmp_path, "--speed", "2", "--set", "laser.beams=61", "--json") as (process, written, pump, master):
         os.write(master, b"i")
         frames = written.count(b"\x1b[H")
-        pump(lambda: written.count(b"\x1b[H") >= frames + 10)
+        pump(lambda: written.count(b"\x1b[H") >= frames + 10 or process.poll() is not None)
         os.write(master, b"\x1a")  # CTRL-Z is a key like any other: it stops the robot
-        pump(lambda: written.count(b"\x1b[H") >= frames + 14)
+        pump(lambda: written.count(b"\x1b[H") >= frames + 14 or process.poll() is not None)
         os.write(master, b"\x03")
         pump(lambda: process.poll() is not None)
         document = json.loads(process.stdout.read())
@@ -226,6 +226,22 @@ def test_a_signal_ends_and_saves_and_the_terminal_is_restored(tmp_path):
     with session(tmp_path, "--set", "laser.beams=31") as (process, written, _pump, _master):
         process.send_signal(signal.SIGTERM)
     assert b"-> " in written
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["o.mcap", "o.run.json"]
+
+
+def test_a_terminal_that_goes_away_ends_the_drive_and_saves_it(tmp_path):
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "slamcli", "teleop", "office", str(tmp_path / "o.mcap"), "--set", "laser.beams=31"],
+        stdin=slave, stdout=subprocess.PIPE, stderr=slave, env={**os.environ, "TERM": "xterm-256color"},
+    )  # fmt: skip
+    os.close(slave)
+    written = b""
+    while written.count(b"\x1b[H") < 5:
+        written += os.read(master, 65536)
+    os.close(master)
+    process.communicate(timeout=60)
+    assert process.returncode == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["o.mcap", "o.run.json"]
 
 

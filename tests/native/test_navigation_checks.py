@@ -127,6 +127,15 @@ def test_slamclis_own_parameters_are_checked_too(tmp_path):
     assert has(found, "error", 3, "not a finite number")
 
 
+def test_one_file_for_all_of_it(tmp_path):
+    text = "amcl: {min_particels: 9}\nmove_base:\n  controler_frequency: 5.0\n  DWAPlannerROS: {sim_tme: 1.0}\n"
+    found = findings(tmp_path, text)
+    assert has(found, "error", 1, "did you mean min_particles")
+    assert has(found, "error", 3, "did you mean controller_frequency")
+    assert has(found, "error", 4, "did you mean sim_time")
+    assert len([f for f in found if f[0] == "error"]) == 3
+
+
 def test_files_of_nav2(tmp_path):
     text = """\
 amcl:

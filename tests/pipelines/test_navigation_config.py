@@ -210,6 +210,7 @@ BAD = [
     ("global_costmap:\n  footprint: [[0, 0], [1, .nan], [1, 1]]", "nav.yaml:2: footprint="),
     ("global_costmap: {plugins: [{name: a}]}", "each entry of plugins needs a name and a type"),
     ("global_costmap: {obstacle_layer: {observation_sources: s, s: {markin: 1}}}", "source 's'; did you mean marking"),
+    ("local_costmap: {obstacle_layer: {observation_sources: s, s: {min_obstacle_height: 3}}}", "nav.yaml:1: source 's': min_obstacle_height=3 is above"),
     ("recovery_behaviors: [{name: x, type: my/Own}]", "nav.yaml:1: recovery_behaviors: 'x' of type 'my/Own'"),
     ("recovery_behaviors: [{name: x}]", "nav.yaml:1: recovery_behaviors: each entry needs a name and a type"),
     ("recovery_behaviors: spin", "nav.yaml:1: recovery_behaviors: no behaviour 'spin'"),

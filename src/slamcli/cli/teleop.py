@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import shlex
 from pathlib import Path
@@ -76,18 +77,20 @@ def command(
     )  # fmt: skip
     velocities = None if script is None else read_velocities(script)
     with Console(verbosity) as console:
-        if not kernel_cache.is_filled("simulation"):
+        if not all(kernel_cache.is_filled(room) for room in ("simulation", request.slam or "simulation")):
             console.say("compiling the simulator (once on this machine; slamcli warmup does it beforehand)")
         log = RunLog(None if script is None else console)  # a progress line would spoil the picture
         try:
             teleop = Teleop(request, log)
             _drive(teleop, velocities, speed, timeout, request.max_time_s)
         finally:
-            console.tell(log)
+            with contextlib.suppress(OSError):  # a terminal that has gone: the drive is saved, nobody listens
+                console.tell(log)
         if as_json:
             print_json(_document(teleop.driven))
         else:
-            console.say(_told(teleop.driven))
+            with contextlib.suppress(OSError):
+                console.say(_told(teleop.driven))
     return 0
 
 

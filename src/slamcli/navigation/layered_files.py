@@ -308,7 +308,8 @@ class _Reader:
         try:
             return ObservationSource(name=name, **values)
         except ConfigError as error:
-            raise ConfigError(f"source {name!r}: {error}") from error
+            place = next(source for key, (_, source) in entries.items() if key in str(error))
+            raise ConfigError(f"{place}: source {name!r}: {error}") from error
 
     def _converted(self, declaration: Declaration, value: Any, source: str, key: str = "") -> Any:
         if not declaration.effective:
