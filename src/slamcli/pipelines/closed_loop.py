@@ -99,9 +99,7 @@ class ClosedLoop:
             self.wait(2 * TICK_S)  # a first scan, so that the first plan knows what is in the way
         self.localiser.reach_to(goal)
         self._take_map()
-        for listener in self.listeners:
-            listener.on_goal(self.time_s, goal)
-        self.move_base.set_goal(goal, self.state)
+        self.send(goal)
         self._drive = record = DriveRecord(self.plant, self.time_s)
         end = self._ticks + round(timeout_s / TICK_S)
         while self._ticks < end and self.move_base.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
@@ -112,6 +110,12 @@ class ClosedLoop:
             self.move_base.cancel()
         self.plant.command(np.zeros(3))
         return drive
+
+    def send(self, goal: Array) -> None:
+        """Give move_base a goal (3,) in map, instead of the one that it has; time passes with `wait`."""
+        for listener in self.listeners:
+            listener.on_goal(self.time_s, goal)
+        self.move_base.set_goal(goal, self.state)
 
     def wait(self, seconds: float) -> None:
         """Let time pass."""

@@ -158,7 +158,7 @@ class Navigator:
         self.config = config = config or load_navigation()
         pose = np.array([*start, 0.0][:3], dtype=np.float64)
         if not np.isfinite(pose).all():
-            raise UsageError(f"start {pose.tolist()}: not finite")
+            raise UsageError(f"start {','.join(f'{v:g}' for v in start)}: not finite")
         place, grid = _opened(map_path, world, slam, pose)
         self.costmaps = CostmapPair(
             world=LayeredCostmap(config.global_costmap, name="global", static=grid),
