@@ -19,7 +19,7 @@ _SPACING_M = 0.05
 _PRUNE_RADIUS_M = 1.0  # base_local_planner's goal functions have it as a constant
 _SAME_GOAL = 1e-9
 _TIE_M = 0.1
-_CUSP_M = 0.1
+_CUSP_M = 0.05
 _LEAST_STEP_M = 1e-3
 
 
@@ -35,6 +35,8 @@ class LocalPlan:
     """Whether the last pose is the goal."""
     distance_m: float
     """From the robot to the nearest of the poses."""
+    to_end: bool
+    """Whether the last pose is the goal or a cusp where the plan is cut."""
     remaining_m: float
     """Along the global plan from the pose nearest to the robot to the goal, or to the cusp where the plan is cut."""
 
@@ -54,7 +56,7 @@ class PlanWindow:
         ``prune_plan``; only without `follow_progress`.
     stop_at_cusps
         Show the plan only as far as the place where it turns back (from forward to reverse, or the other way), and go on
-        from there when the robot is within 0.1 m of it: so that a car drives there and does not cut it short.
+        from there when the robot is within 5 cm of it: so that a car drives there and does not cut it short.
 
     References
     ----------
@@ -152,6 +154,7 @@ class PlanWindow:
             goal=se2.compose(T_odom_map, goal),
             reaches_goal=end == len(self._plan) and not self._later,
             distance_m=offset,
+            to_end=end == len(self._plan),
             remaining_m=float(self._along[-1] - self._along[nearest]),
         )
 

@@ -20,6 +20,7 @@ from slamcli.navigation.robot_state import RobotState
 
 _LEAST_TURN_RATE = 0.1
 _END_M = 0.03
+_BEYOND_STEP_M, _BEYOND_POSES = 0.05, 20
 _SHARES = (1.0, 0.7, 0.5, 0.35, 0.25)
 
 
@@ -95,11 +96,16 @@ class RegulatedPurePursuit:
             command = self._latch.command(pose, plan.goal, twist, lambda wanted: self._is_free(state, wanted, costmap))
             return LocalCommand(twist=command, trajectory=np.empty((0, 3)), cost=0.0)
         ahead = self._in_base(pose, plan)
+        backwards = self._is_car and _leads_backwards(plan.poses)
+        if self._is_car and plan.to_end:  # so that the last stretch is driven in the heading of its end
+            ahead = np.vstack([ahead, _prolonged(ahead[-1], -1.0 if backwards else 1.0)])
         reach = self._lookahead(float(twist[0]))
         for share in _SHARES:
             if share < 1.0 and not self._may_shorten(reach, ahead, plan, costmap):
                 break
             command, carrot = self._towards(share * reach, ahead, plan, state, costmap)
+            if self._is_car and (command[0] < 0.0) != backwards:
+                command = -command
             motion = self._motion(pose, command, float(np.hypot(*carrot)), costmap)
             if not self.parameters.use_collision_detection or self._passes(command, motion, costmap):
                 return LocalCommand(twist=command, trajectory=motion, cost=0.0)
@@ -230,6 +236,19 @@ def _curvature(point: NDArray[np.float64]) -> float:
     """Return 1 / radius, 1/m, of the arc from the origin, along x, to a point (2,): equation 2 of the paper."""
     squared = float(point @ point)
     return 2.0 * float(point[1]) / squared if squared > 1e-6 else 0.0
+
+
+def _leads_backwards(poses: NDArray[np.float64]) -> bool:
+    """Whether a robot that follows poses (N, 3), which do not turn back, drives in reverse."""
+    step = poses[min(len(poses) - 1, 3), :2] - poses[0, :2]
+    return bool(step @ np.array([math.cos(poses[0, 2]), math.sin(poses[0, 2])]) < 0.0)
+
+
+def _prolonged(end: NDArray[np.float64], direction: float) -> NDArray[np.float64]:
+    """Return poses (N, 3) straight on from a pose (3,)."""
+    on = direction * _BEYOND_STEP_M * np.arange(1, _BEYOND_POSES + 1)
+    x, y = end[0] + on * math.cos(end[2]), end[1] + on * math.sin(end[2])
+    return np.column_stack([x, y, np.full(len(on), end[2])])
 
 
 def _cost_at(pose: NDArray[np.float64], costmap: CostWindow) -> int:
