@@ -47,7 +47,7 @@ def test_the_normal_equations_equal_the_naive_twins():
     rng = np.random.default_rng(0)
     points, pose = rng.uniform(-3, 3, (400, 2)), np.array([2.0, 1.0, 0.6])
     hessian, gradient = np.empty((3, 3)), np.empty(3)
-    fit = kernels._linearise(points, pose, map_.frame, map_.distances, 0.1, 0.15, hessian, gradient)
+    fit = kernels._linearise(points, pose, map_.frame, map_.distances, 0.025, 0.1, 0.15, hessian, gradient)
     expected_h, expected_g, weights, num_behind = np.zeros((3, 3)), np.zeros(3), [], 0
     for point in points:
         at, from_robot = se2.transform_points(pose, [point])[0], np.array([np.cos(pose[2]), np.sin(pose[2])])
@@ -92,6 +92,16 @@ def test_a_pose_beside_the_truth_comes_back(room):
     assert np.hypot(*(found.pose - truth)[:2]) < 0.01
     assert abs(found.pose[2] - truth[2]) < 0.005
     assert found.fit > 0.9 > fit_of(room, points, start)
+
+
+def test_walls_made_from_scans_are_met_in_the_middle():
+    map_ = LocalizationMap.of(furnished_room(), AmclParameters(wall_depth=0.5))
+    truth = np.array([1.5, 2.0, 0.7])
+    points = points_at(map_, truth)
+    deeper = points * (1.0 + 0.025 / np.linalg.norm(points, axis=1, keepdims=True))
+    found = refine_pose(map_, deeper, truth, np.diag([0.1, 0.1, 0.05]), [truth])
+    assert found is not None
+    assert np.hypot(*(found.pose - truth)[:2]) < 0.015
 
 
 def test_what_the_particles_rule_out_is_not_taken(room):

@@ -128,3 +128,35 @@ def test_the_list_of_behaviours_is_read_in_order():
     assert [r.name for r in build_recoveries(still, RecoveryParameters(), pair(), 0.25)] == ["back_up"]
     with pytest.raises(ConfigError, match=r"no behaviour 'spin': there are conservative_reset"):
         build_recoveries(MoveBaseParameters(recovery_behaviors="spin"), RecoveryParameters(), pair(), 0.25)
+
+
+def test_behaviours_of_any_name_have_parameters_of_their_own():
+    listed = MoveBaseParameters(
+        recovery_behaviors="near:clear_costmap_recovery/ClearCostmapRecovery turn:RotateRecovery creep:move_slow_and_clear aggressive_reset"
+    )
+    own = {
+        "near": RecoveryParameters(reset_distance=2.0, layer_names="obstacle_layer", affected_maps="local"),
+        "creep": RecoveryParameters(limited_trans_speed=0.1),
+    }
+    costmaps = pair()
+    found = build_recoveries(listed, RecoveryParameters(), costmaps, 0.25, own)
+    assert [r.name for r in found] == ["near", "turn", "creep", "aggressive_reset"]
+    found[0].begin(at())
+    assert costmaps.local.cleared == [("outside", [0.0, 0.0, 0.0], 1.0, ("obstacle_layer",))]
+    assert costmaps.world.cleared == []
+    found[2].begin(at())
+    np.testing.assert_allclose(found[2].limit(at(), np.array([0.5, 0.0, 0.2])), [0.1, 0.0, 0.04])
+    assert found[3]._half_width_m == 0.5
+
+
+def test_a_reset_of_another_name_is_three_metres_wide():
+    listed = MoveBaseParameters(recovery_behaviors="far:clear_costmap")
+    assert build_recoveries(listed, RecoveryParameters(), pair(), 0.25)[0]._half_width_m == 1.5
+    everywhere = RecoveryParameters(reset_distance=8.0)
+    assert build_recoveries(listed, everywhere, pair(), 0.25)[0]._half_width_m == 4.0
+
+
+@pytest.mark.parametrize("text", ["near:my/Recovery", ":rotate_recovery", "near:"])
+def test_types_that_there_are_not(text):
+    with pytest.raises(ConfigError, match=r"types are clear_costmap_recovery/ClearCostmapRecovery"):
+        build_recoveries(MoveBaseParameters(recovery_behaviors=text), RecoveryParameters(), pair(), 0.25)

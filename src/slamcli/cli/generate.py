@@ -94,11 +94,11 @@ def command(
         "camera.exposure": exposure, "camera.motion_blur": motion_blur, "camera.readout": rolling_shutter,
         "camera.compressed": compressed, **_camera(camera, image_size),
     }  # fmt: skip
-    settings = _settings(assignments) | {key: value for key, value in short.items() if value is not None}
+    settings = parse_settings(assignments) | {key: value for key, value in short.items() if value is not None}
     with Console(verbosity) as console:
         log = RunLog(console)
         made = generate(
-            world, out, seed=seed, duration_s=duration_s, start=_pose(start), settings=settings, truth=truth,
+            world, out, seed=seed, duration_s=duration_s, start=parse_start(start), settings=settings, truth=truth,
             map_path=map_path, format=container, compression=compression, log=log,
         )  # fmt: skip
         console.tell(log)
@@ -134,7 +134,8 @@ def _document(made: Any) -> dict[str, Any]:
     }
 
 
-def _settings(assignments: tuple[str, ...]) -> dict[str, Any]:
+def parse_settings(assignments: tuple[str, ...]) -> dict[str, Any]:
+    """Return what ``--set KEY=VALUE`` says; raise UsageError where it says nothing."""
     settings: dict[str, Any] = {}
     for assignment in assignments:
         key, equals, value = assignment.partition("=")
@@ -158,7 +159,8 @@ def _camera(kind: str | None, image_size: str | None) -> dict[str, Any]:
     return settings
 
 
-def _pose(text: str | None) -> tuple[float, float, float] | None:
+def parse_start(text: str | None) -> tuple[float, float, float] | None:
+    """Return what ``--start X,Y,YAW`` (metres, degrees) says, with radians; raise UsageError where it is no pose."""
     if text is None:
         return None
     try:

@@ -24,6 +24,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "localize": ("localize", "Localise a recording on a known map (AMCL)."),
     "plan": ("plan", "Plan paths on a saved map."),
     "navigate": ("navigate", "Drive a simulated robot to goals with the whole navigation stack."),
+    "explore": ("explore", "Explore an unknown world with a simulated robot, and save the map."),
+    "teleop": ("teleop", "Drive a simulated robot with the keyboard, and record it."),
     "generate": ("generate", "Make a synthetic recording with ground truth."),
     "view": ("view", "Draw a recording, a result or a map."),
     "map-tools": ("map_tools", "Inspect, convert, crop and compare saved maps."),

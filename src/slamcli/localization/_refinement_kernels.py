@@ -28,10 +28,12 @@ def _distance(distances, column, row, out):
 
 
 @njit(cache=True, nogil=True)
-def _linearise(points, pose, frame, distances, noise, scale, hessian, gradient):
-    """Set the normal equations of the distances of `points` (M, 2), seen from `pose` (3,), and return the mean of their weights."""
+def _linearise(points, pose, frame, distances, half, noise, scale, hessian, gradient):
+    """Set the normal equations of the distances of `points` (M, 2), seen from `pose` (3,), and return the mean of their weights.
+
+    A wall's surface is `half` metres before the middle of its cells.
+    """
     gc, gs, per_metre = math.cos(frame[2]), math.sin(frame[2]), frame[3]
-    half = 0.5 / per_metre
     dx, dy = pose[0] - frame[0], pose[1] - frame[1]
     x, y = gc * dx + gs * dy, gc * dy - gs * dx
     c, s = math.cos(pose[2] - frame[2]), math.sin(pose[2] - frame[2])
@@ -83,7 +85,7 @@ def _solve(h, g):
 
 
 @njit(cache=True, nogil=True)
-def refine(points, prior, information, frame, distances, noise, scale, iterations, pose):
+def refine(points, prior, information, frame, distances, half, noise, scale, iterations, pose):
     """Move `pose` (3,) to where `points` (M, 2) lie best on the walls, held to `prior` (3,) by `information` (3, 3).
 
     Gauss-Newton on the distances of the points to the nearest wall's face, in metres, of standard deviation `noise`; those far off
@@ -91,7 +93,7 @@ def refine(points, prior, information, frame, distances, noise, scale, iteration
     """
     hessian, gradient = np.zeros((3, 3)), np.zeros(3)
     for _ in range(iterations):
-        _linearise(points, pose, frame, distances, noise, scale, hessian, gradient)
+        _linearise(points, pose, frame, distances, half, noise, scale, hessian, gradient)
         turn = pose[2] - prior[2] + math.pi
         turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi)) + math.pi
         x, y = pose[0] - prior[0], pose[1] - prior[1]
@@ -105,16 +107,16 @@ def refine(points, prior, information, frame, distances, noise, scale, iteration
         pose[2] -= a
         if abs(x) < 1e-4 and abs(y) < 1e-4 and abs(a) < 1e-4:
             break
-    return _linearise(points, pose, frame, distances, noise, scale, hessian, gradient)
+    return _linearise(points, pose, frame, distances, half, noise, scale, hessian, gradient)
 
 
 @njit(cache=True, nogil=True)
-def refine_each(points, poses, information, frame, distances, noise, scale, iterations, fit):
+def refine_each(points, poses, information, frame, distances, half, noise, scale, iterations, fit):
     """Do as `refine` for each of `poses` (N, 3), held to where it begins; set `fit` (N,)."""
     prior = np.empty(3)
     for n in range(poses.shape[0]):
         prior[:] = poses[n]
-        fit[n] = refine(points, prior, information, frame, distances, noise, scale, iterations, poses[n])
+        fit[n] = refine(points, prior, information, frame, distances, half, noise, scale, iterations, poses[n])
 
 
 @njit(cache=True, nogil=True)

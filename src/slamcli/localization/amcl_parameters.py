@@ -131,6 +131,10 @@ class AmclParameters:
         120, "how many beams of a scan are laid on the walls, evenly spaced", name="slamcli.refine_beams", unit="beams",
         minimum=2, maximum=100_000, extension=True,
     )  # fmt: skip
+    wall_depth: float = parameter(
+        0.0, "how deep in the cells of a wall its surface is, for slamcli.refine: 0 at their face (maps that were drawn, and the simulator's), 0.5 in their middle (maps made from scans)",
+        name="slamcli.wall_depth", unit="cells", minimum=0.0, maximum=0.5, extension=True,
+    )  # fmt: skip
     refine_min_d: float = parameter(
         0.05, "a scan is laid on the walls, also between those that are used, after this much motion along x or y",
         name="slamcli.refine_min_d", unit="m", minimum=0.0, extension=True,

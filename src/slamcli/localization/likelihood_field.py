@@ -39,6 +39,8 @@ class LocalizationMap:
     """The same at the largest distance: what is off the map."""
     distances: NDArray[np.float32]
     """float32 (H, W), metres to the centre of the nearest occupied cell, at most `MOST_DISTANCE_M`."""
+    half_wall_m: float
+    """How far before the middle of its cell a wall's surface is taken to be."""
     room: NDArray[np.uint8]
     """uint8 (H, W), distance in whole cells to the nearest that is not free, for the beam model; (0, 0) for others."""
 
@@ -66,6 +68,7 @@ class LocalizationMap:
             field=_field(squared, grid.resolution_m, parameters),
             far=parameters.laser_z_hit * float(_gauss(np.array(parameters.laser_likelihood_max_dist), parameters)),
             distances=_capped(squared, grid.resolution_m, MOST_DISTANCE_M),
+            half_wall_m=(0.5 - parameters.wall_depth) * grid.resolution_m,
             room=_room(~free) if by_rays else np.empty((0, 0), dtype=np.uint8),
         )
 

@@ -119,7 +119,9 @@ def find_candidates(map_: LocalizationMap, points: Array, num: int, rng: np.rand
     found = poses[np.argsort(-likely, kind="stable")[:_TRIED]]
     fits = np.empty(len(found))
     for scale in _scales(map_):
-        kernels.refine_each(points, found, _LOOSE, map_.frame, map_.distances, _NOISE_M, scale, _ITERATIONS, fits)
+        kernels.refine_each(
+            points, found, _LOOSE, map_.frame, map_.distances, map_.half_wall_m, _NOISE_M, scale, _ITERATIONS, fits
+        )
     found[:, 2] = se2.wrap_angle(found[:, 2])
     chosen: list[int] = []
     for n in np.argsort(-fits, kind="stable"):
@@ -142,7 +144,9 @@ def _refine(
     map_: LocalizationMap, points: Array, prior: Array, information: Array, scale: float, iterations: int, pose: Array
 ) -> float:
     return float(
-        kernels.refine(points, prior, information, map_.frame, map_.distances, _NOISE_M, scale, iterations, pose)
+        kernels.refine(
+            points, prior, information, map_.frame, map_.distances, map_.half_wall_m, _NOISE_M, scale, iterations, pose
+        )
     )
 
 

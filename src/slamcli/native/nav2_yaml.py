@@ -94,6 +94,7 @@ def translate_nav2(settings: Iterable[Setting]) -> Nav2Settings:
         nodes.setdefault(parts[place - 1] if place else "", {})["/".join(parts[place + 1 :])] = setting
     found: list[Setting] = []
     left: list[str] = []
+    remarks: list[str] = []
     for node, given in nodes.items():
         reader = _READERS.get(node)
         if reader is None:
@@ -103,9 +104,10 @@ def translate_nav2(settings: Iterable[Setting]) -> Nav2Settings:
         part = _Part(given)
         found.extend(reader(part))
         unread = sorted(name for name in given if name not in part.read and name.rpartition("/")[2] not in _SILENT)
+        remarks += part.remarks
         left += [f"{node}/{name}" for name in unread]
     notes = (f"of nav2's parameters these are not read: {', '.join(left)}",) if left else ()
-    return Nav2Settings(settings=tuple(found), notes=notes)
+    return Nav2Settings(settings=tuple(found), notes=(*remarks, *notes))
 
 
 class _Part:
@@ -114,6 +116,8 @@ class _Part:
     def __init__(self, given: Mapping[str, Setting]) -> None:
         self.given = given
         self.read: set[str] = set()
+        self.remarks: list[str] = []
+        """What is said besides."""
 
     def renamed(
         self, names: Mapping[str, str], below: str, into: str, factor: float | None = None
@@ -190,6 +194,8 @@ def _of_local_planner(part: _Part, kind: str, below: str, checker: str, place: S
     else:
         ours, section = "dwa", "DWAPlannerROS/"
         goal["stateful"] = "latch_xy_goal_tolerance"
+        if "DWBLocalPlanner" not in kind:
+            part.remarks.append(f"nav2's controller {kind} has no counterpart: DWA drives, unless told otherwise")
         if "MPPI" in kind:
             yield from part.renamed(_MPPI, below, section)
             yield from part.renamed({"vx_max": "max_vel_trans"}, below, section)
@@ -210,7 +216,7 @@ def _of_planner(part: _Part) -> Iterator[Setting]:
     elif plugin is not None and method is not None:
         yield Setting("base_global_planner", method, plugin.file, plugin.line)
     elif plugin is not None:
-        part.read.discard(f"{name}/plugin")
+        part.remarks.append(f"nav2's planner {plugin.value} has no counterpart: NavFn plans, unless told otherwise")
     yield from part.renamed(_PLANNER, f"{name}/", "planner/")
     limit = part.given.get(f"{name}/max_iterations")
     if limit is not None and isinstance(limit.value, int) and limit.value > 0:

@@ -12,18 +12,21 @@ _NO_MIDDLEWARE = "Accepted; there is no middleware that it could matter to."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExploreParameters:
-    """Which frontiers there are, which is next, and when to stop; names and defaults of explore_lite."""
+    """Which frontiers there are, which is next, and when to stop: names of explore_lite, and its defaults unless the help says otherwise."""
 
     planner_frequency: float = parameter(
         1.0, "How often frontiers are looked for.", unit="Hz", minimum=0.01, maximum=100.0
     )
     progress_timeout: float = parameter(
-        30.0, "A goal that the robot does not come nearer to for this long is put on the blacklist.",
+        90.0,
+        "A goal that the robot does not come nearer to for this long is put on the blacklist. explore_lite: 30 s, less than all of"
+        " move_base's recoveries take.",
         unit="s", minimum=0.0, maximum=3600.0,
     )  # fmt: skip
     potential_scale: float = parameter(
-        1e-3,
-        "Cost of the distance: times metres times the size of a cell. explore_lite's launch file says 3.0.",
+        20.0,
+        "Cost of the distance: times metres times the size of a cell. explore_lite: 0.001, and 3.0 in its launch file, where the largest"
+        " frontier comes first, however far.",
         minimum=0.0,
     )
     orientation_scale: float = parameter(
@@ -33,7 +36,10 @@ class ExploreParameters:
         1.0, "What size is worth: times cells times the size of a cell, taken off the cost.", minimum=0.0
     )
     min_frontier_size: float = parameter(
-        0.5, "Least length of a frontier: its number of cells times their size.", unit="m", minimum=0.0
+        0.75,
+        "Least length of a frontier: its number of cells times their size. explore_lite: 0.5.",
+        unit="m",
+        minimum=0.0,
     )
     visualize: bool = parameter(False, _NO_MIDDLEWARE, effective=False)
     robot_base_frame: str = parameter("base_link", _NO_MIDDLEWARE, effective=False)
@@ -42,9 +48,9 @@ class ExploreParameters:
     transform_tolerance: float = parameter(0.3, _NO_MIDDLEWARE, unit="s", minimum=0.0, effective=False)
     # slamcli's own
     goal_point: str = parameter(
-        "centroid",
+        "initial",
         "Which point of a frontier is the goal: the mean of its cells, the cell nearest to the robot, or the one with the"
-        " shortest way.",
+        " shortest way. explore_lite: centroid.",
         choices=("centroid", "middle", "initial"),
         extension=True,
     )

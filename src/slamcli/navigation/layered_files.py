@@ -267,7 +267,7 @@ class _Reader:
                 if declaration is not None:
                     moved = not self._is_modern and ALIASES.get(name) == prefix + name and name in self._entries
                     if not moved:
-                        costmap[declaration.field] = self._converted(declaration, value, source)
+                        costmap[declaration.field] = self._converted(declaration, value, source, f"{layer.name}.{name}")
                 elif name not in _NO_MEANING and name != "plugin":
                     known = [n.removeprefix(prefix) for n in _COSTMAP if n.startswith(prefix)]
                     raise ConfigError(unknown_name(name, known, f"{source}, {layer.name}"))
@@ -292,7 +292,7 @@ class _Reader:
             if rest and head in sensed:
                 sensed[head][rest] = (value, source)
             elif name in _OBSTACLE:
-                values[_OBSTACLE[name].field] = self._converted(_OBSTACLE[name], value, source, f"{layer.name}.")
+                values[_OBSTACLE[name].field] = self._converted(_OBSTACLE[name], value, source, f"{layer.name}.{name}")
             elif name not in ("observation_sources", "plugin"):
                 known = [*_OBSTACLE, "observation_sources", *names]
                 raise ConfigError(unknown_name(name, known, f"{source}, {layer.name}"))
@@ -304,16 +304,17 @@ class _Reader:
         for key, (value, source) in entries.items():
             if key not in _SOURCE:
                 raise ConfigError(unknown_name(key, _SOURCE, f"{source}, source {name!r}"))
-            values[_SOURCE[key].field] = self._converted(_SOURCE[key], value, source, f"{layer}.{name}.")
+            values[_SOURCE[key].field] = self._converted(_SOURCE[key], value, source, f"{layer}.{name}.{key}")
         try:
             return ObservationSource(name=name, **values)
         except ConfigError as error:
-            raise ConfigError(f"source {name!r}: {error}") from error
+            place = next(source for key, (_, source) in entries.items() if key in str(error))
+            raise ConfigError(f"{place}: source {name!r}: {error}") from error
 
-    def _converted(self, declaration: Declaration, value: Any, source: str, below: str = "") -> Any:
+    def _converted(self, declaration: Declaration, value: Any, source: str, key: str = "") -> Any:
         if not declaration.effective:
             self.without_effect.append(declaration.name)
-        self.sources[f"{self._name}_costmap.{below}{declaration.name}"] = source
+        self.sources[f"{self._name}_costmap.{key or declaration.name}"] = source
         return convert_at(declaration, value, source)
 
 

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,14 +21,12 @@ from slamcli.navigation.scan_observation import observe_scan
 from slamcli.pipelines.drive_record import Drive, DriveRecord
 from slamcli.pipelines.localisers import Localiser
 from slamcli.pipelines.loop_listener import LoopListener
+from slamcli.pipelines.rhythm import TICK_S, Rhythm
 from slamcli.pipelines.unexpected import WallMask
 from slamcli.recordings.scan_normalisation import turn_counter_clockwise
 from slamcli.simulation.plant import Plant
 
 Array = NDArray[np.float64]
-
-TICK_S = 0.01
-"""Step of simulated time; every rhythm is kept to the tick."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,13 +71,13 @@ class ClosedLoop:
         self._pose_odom, self._twist = np.zeros(3), np.zeros(3)
         self._drive: DriveRecord | None = None
         self._rhythms = [
-            _Rhythm(rates.odometry, self._odometry),
-            _Rhythm(rates.scan, self._scan),
-            _Rhythm(rates.local_costmap, self._update_local),
-            _Rhythm(rates.global_costmap, self._update_global),
-            _Rhythm(rates.control, self._control),
-            _Rhythm(rates.publish_local, lambda: self._publish("local")),
-            _Rhythm(rates.publish_global, lambda: self._publish("global")),
+            Rhythm(rates.odometry, self._odometry),
+            Rhythm(rates.scan, self._scan),
+            Rhythm(rates.local_costmap, self._update_local),
+            Rhythm(rates.global_costmap, self._update_global),
+            Rhythm(rates.control, self._control),
+            Rhythm(rates.publish_local, lambda: self._publish("local")),
+            Rhythm(rates.publish_global, lambda: self._publish("global")),
         ]
         self._last_phase = Phase.IDLE
 
@@ -102,9 +99,7 @@ class ClosedLoop:
             self.wait(2 * TICK_S)  # a first scan, so that the first plan knows what is in the way
         self.localiser.reach_to(goal)
         self._take_map()
-        for listener in self.listeners:
-            listener.on_goal(self.time_s, goal)
-        self.move_base.set_goal(goal, self.state)
+        self.send(goal)
         self._drive = record = DriveRecord(self.plant, self.time_s)
         end = self._ticks + round(timeout_s / TICK_S)
         while self._ticks < end and self.move_base.phase not in (Phase.SUCCEEDED, Phase.ABORTED):
@@ -115,6 +110,12 @@ class ClosedLoop:
             self.move_base.cancel()
         self.plant.command(np.zeros(3))
         return drive
+
+    def send(self, goal: Array) -> None:
+        """Give move_base a goal (3,) in map, instead of the one that it has; time passes with `wait`."""
+        for listener in self.listeners:
+            listener.on_goal(self.time_s, goal)
+        self.move_base.set_goal(goal, self.state)
 
     def wait(self, seconds: float) -> None:
         """Let time pass."""
@@ -214,19 +215,3 @@ class ClosedLoop:
                 text = f"recovery: {cycle.recovery}" if cycle.recovery else cycle.message
                 listener.on_status(self.time_s, cycle.phase.value, text)
         self._last_phase = cycle.phase
-
-
-class _Rhythm:
-    """Something that happens every so often, for the first time at once; never with rate 0."""
-
-    def __init__(self, rate_hz: float, act: Callable[[], None]) -> None:
-        self._period = 1.0 / (rate_hz * TICK_S) if rate_hz > 0.0 else math.inf
-        self._count = 0
-        self.due: float = 0 if rate_hz > 0.0 else math.inf
-        """The tick at which it happens next."""
-        self.act = act
-
-    def advance(self) -> None:
-        """Note that it has happened."""
-        self._count += 1
-        self.due = max(round(self._count * self._period), int(self.due) + 1)

@@ -103,7 +103,7 @@ def generate(
     log = log or RunLog()
     place = open_world(world)
     record_path = Path(path).with_suffix(".run.json")
-    _check_outputs(find_world(world), path, record_path, truth, map_path)
+    check_outputs(find_world(world), path, record_path, truth, map_path)
     if start is not None and place.path is not None:
         raise UsageError(f"world {place.name}: --start is for robots that drive; this rig follows the world's path")
     if start is not None:
@@ -167,7 +167,8 @@ def _run_record(made: Generated, world: Path, changed: Mapping[str, Any], log: R
     )
 
 
-def _check_outputs(world: Path, *outputs: str | os.PathLike[str] | None) -> None:
+def check_outputs(world: Path, *outputs: str | os.PathLike[str] | None) -> None:
+    """Raise UsageError if an output is the world itself, or named twice; None is no output."""
     taken: set[Path] = set()
     for output in outputs:
         if output is None:

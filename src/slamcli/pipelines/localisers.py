@@ -124,7 +124,7 @@ class SlamLocaliser:
     mapper
         The tier.
     start
-        float64 (3,): the robot in the map when the first scan comes.
+        float64 (3,): the robot in the map when odometry is first heard.
     map_period_s
         How often the map is drawn anew.
     """
@@ -136,23 +136,29 @@ class SlamLocaliser:
         self.T_map_odom: Array = np.zeros(3)
         self._start, self._period_ns = start, round(map_period_s * 1e9)
         self._T_map_slam: Array | None = None
-        self._now_ns, self._due_ns = 0, 0
+        self._begun, self._now_ns, self._due_ns = False, 0, 0
         self._corners = [start[:2] - _AROUND_M, start[:2] + _AROUND_M]
 
     def on_odometry(self, odometry: Odometry, true_pose: Array, pose_odom: Array) -> None:  # noqa: ARG002
         """Hand it on."""
-        if self._T_map_slam is None:
-            self.T_map_odom = se2.compose(self._start, se2.inverse(pose_odom))
+        self._begin(pose_odom)
         self.mapper.process(odometry)
 
     def on_scan(self, scan: LaserScan, pose_odom: Array, T_base_laser: Array) -> bool:  # noqa: ARG002
         """Hand it on."""
+        self._begin(pose_odom)
         self.mapper.process(scan)
         if self._T_map_slam is None:
-            self._T_map_slam = se2.compose(self._start, se2.inverse(se2.compose(self.mapper.T_map_odom, pose_odom)))
+            self._T_map_slam = se2.compose(self.T_map_odom, se2.inverse(self.mapper.T_map_odom))
         self.T_map_odom = se2.compose(self._T_map_slam, self.mapper.T_map_odom)
         self._now_ns = scan.stamp_ns
         return True
+
+    def _begin(self, pose_odom: Array) -> None:
+        """Lay odometry so that the robot is at the start."""
+        if not self._begun:
+            self.T_map_odom = se2.compose(self._start, se2.inverse(pose_odom))
+            self._begun = True
 
     def new_map(self) -> OccupancyGrid | None:
         """Return the map, drawn anew, once in every period."""

@@ -34,14 +34,8 @@ def write_folder(
     start_ns = round(float(document["parameters"]["simulation.clock.start"]) * 1e9)
     names = list(document["outputs"])
     with log.stage("write"):
-        truth = _trajectory(story, story.truth, start_ns)
-        for name, trajectory in (
-            ("trajectory.tum", truth),
-            ("estimate.tum", _trajectory(story, story.estimate, start_ns)),
-        ):
-            if len(trajectory):
-                write_tum(folder / name, trajectory)
-                names.append(name)
+        names += write_trajectories(folder, story, start_ns)
+        truth = drive_trajectory(story, story.truth, start_ns)
         if story.grid is not None and len(truth):
             goal = story.goals[-1].goal
             picture = map_png(story.grid, trajectory=truth, start=story.truth[0], goal=goal, title=_title(request))
@@ -103,7 +97,19 @@ def _title(request: NavigateRequest) -> str:
     return f"{' in '.join(places)}: {goals} goal{'s' if goals != 1 else ''}{by}"
 
 
-def _trajectory(story: DriveStory, poses: Any, start_ns: int) -> Trajectory:
+def write_trajectories(folder: Path, story: DriveStory, start_ns: int) -> list[str]:
+    """Write where the robot was and where it thought it was; return the names of the files."""
+    names = []
+    for name, poses in (("trajectory.tum", story.truth), ("estimate.tum", story.estimate)):
+        trajectory = drive_trajectory(story, poses, start_ns)
+        if len(trajectory):
+            write_tum(folder / name, trajectory)
+            names.append(name)
+    return names
+
+
+def drive_trajectory(story: DriveStory, poses: Any, start_ns: int) -> Trajectory:
+    """Return those of a story's poses (N, 3) that are known, with stamps."""
     known = np.isfinite(poses).all(axis=1)
     stamps = start_ns + np.rint(story.times_s[known] * 1e9).astype(np.int64)
     return Trajectory.from_se2(stamps, poses[known], MAP_FRAME, "base_link")

@@ -68,16 +68,16 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
     robot.listen(teller)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(atomic_directory(request.output)) if request.output is not None else None
-        targets = _Targets(request, folder)
+        targets = Targets(request, folder)
         counts: Mapping[str, int] = {}
         animation = Animation(robot.plant.T_base_laser, upside_down=robot.plant.parameters.laser_upside_down)
         if targets.film is not None:
             robot.listen(animation)
-        with _recording(targets.recording, robot) as recording:
+        with recorded(targets.recording, robot) as recording:
             goals, collisions = _drive(request, robot, log)
             counts = {} if recording is None else dict(sorted(recording.counts.items()))
         story = teller.story(goals, collisions)
-        made = [targets.recording, _filmed(animation, targets.film, log)]
+        made = [targets.recording, filmed(animation, targets.film, log)]
         document = navigation_document(
             request, robot, story, counts, log, total_s=time.perf_counter() - began,
             outputs=[p.name for p in made if p is not None and p.parent == folder],
@@ -90,7 +90,7 @@ def run_navigation(request: NavigateRequest, log: RunLog) -> NavigateOutcome:
     return NavigateOutcome(story=story, document=document, written=tuple(written))
 
 
-def _filmed(animation: Animation, target: Path | None, log: RunLog) -> Path | None:
+def filmed(animation: Animation, target: Path | None, log: RunLog) -> Path | None:
     """Write the animation if one is asked for and something happened; return where."""
     if target is None:
         return None
@@ -102,8 +102,8 @@ def _filmed(animation: Animation, target: Path | None, log: RunLog) -> Path | No
     return target
 
 
-class _Targets:
-    """Where recording and animation go."""
+class Targets:
+    """Where recording and animation go, None for nowhere; `folder` is the one that is being made."""
 
     def __init__(self, request: NavigateRequest, folder: Path | None) -> None:
         into = None if request.lean else folder
@@ -123,6 +123,17 @@ def _check(request: NavigateRequest) -> None:
         raise UsageError(
             f"--slam {request.slam}: say where: --world WORLD (a world file, a map.yaml or a built-in name)"
         )
+    if request.slam is None and request.slam_sets:
+        raise UsageError(f"--slam-set {request.slam_sets[0]}: there is nothing that maps; give --slam, too")
+    if request.slam is not None and request.localization == "truth":
+        raise UsageError("--localization truth needs --map: with --slam the robot is where its SLAM says")
+    if request.timeout_s is not None and not 0.0 < request.timeout_s < math.inf:
+        raise UsageError(f"--timeout {request.timeout_s:g}: give seconds above 0")
+    check_outputs(request)
+
+
+def check_outputs(request: NavigateRequest) -> None:
+    """Refuse outputs that could not be written."""
     taken = {path.resolve() for path in inputs_of(request)}
     for target in (request.recording, request.film):
         if target is None:
@@ -141,7 +152,8 @@ def _check(request: NavigateRequest) -> None:
 
 
 @contextlib.contextmanager
-def _recording(target: Path | None, robot: Navigator) -> Iterator[NavigationRecording | None]:
+def recorded(target: Path | None, robot: Navigator) -> Iterator[NavigationRecording | None]:
+    """Record what happens to a robot, if there is a place for it."""
     if target is None:
         yield None
         return
@@ -151,20 +163,26 @@ def _recording(target: Path | None, robot: Navigator) -> Iterator[NavigationReco
 
 
 def _drive(request: NavigateRequest, robot: Navigator, log: RunLog) -> tuple[list[GoalStory], list[Event]]:
-    goals, collisions = [], []
+    goals = []
     with log.stage("drive"):
-        robot.listen(_Watcher(log))
+        robot.listen(ProgressTeller(log))
         for waypoint in request.waypoints:
             begin_s = robot.time_s
             arrival = robot.go_to(waypoint.x, waypoint.y, waypoint.yaw, timeout_s=request.timeout_s)
             goals.append(_goal_story(waypoint, arrival, begin_s))
             if waypoint.wait_s > 0.0:
                 robot.wait(waypoint.wait_s)
+    return goals, collision_events(robot)
+
+
+def collision_events(robot: Navigator) -> list[Event]:
+    """Return what the robot has collided with so far."""
+    collisions = []
     for contact in robot.plant.collisions:
         fault = "caused by the robot" if contact.by_robot else "not its fault"
         words = f"{contact.kind} at {contact.speed_m_s:.2f} m/s, {fault}"
         collisions.append(Event(time_s=contact.time_s, kind="collision", message=words))
-    return goals, collisions
+    return collisions
 
 
 def _goal_story(waypoint: Waypoint, arrival: Arrival, begin_s: float) -> GoalStory:
@@ -186,7 +204,7 @@ def _goal_story(waypoint: Waypoint, arrival: Arrival, begin_s: float) -> GoalSto
     )
 
 
-class _Watcher(LoopListener):
+class ProgressTeller(LoopListener):
     """Passes the simulated time on to who waits."""
 
     def __init__(self, log: RunLog) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,13 @@ class NavigationConfig:
         """Yield every parameter of every part in use."""
         yield from _values("amcl", self.amcl)
         for name, costmap in (("global_costmap", self.global_costmap), ("local_costmap", self.local_costmap)):
-            yield from _values(name, costmap.costmap)
+            called = {layer.kind: layer.name for layer in costmap.layers}
+            for value in _values(name, costmap.costmap):
+                kind, of_layer, rest = value.name.partition("_layer.")
+                if not of_layer:
+                    yield value
+                elif kind in called:
+                    yield replace(value, name=f"{called[kind]}.{rest}")
             for layer in costmap.layers:
                 if layer.kind in ("obstacle", "voxel"):
                     yield from _values(f"{name}.{layer.name}", layer.obstacle)

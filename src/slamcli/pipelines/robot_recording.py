@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 
@@ -13,7 +14,10 @@ from slamcli.simulation.plant import Plant
 
 
 def recording_of(
-    path: str | os.PathLike[str], plant: Plant, config: NavigationConfig | None = None
+    path: str | os.PathLike[str],
+    plant: Plant,
+    config: NavigationConfig | None = None,
+    rates: RecordingRates | None = None,
 ) -> NavigationRecording:
     """Return a recording that fits a robot; open it as a context and let the closed loop tell it everything.
 
@@ -25,14 +29,15 @@ def recording_of(
         Whose sensors are recorded.
     config
         Says how often costmaps are published; None for a robot without any.
+    rates
+        How often the rest is written.
     """
     p = plant.parameters
-    rates = RecordingRates()
+    rates = rates or RecordingRates()
     if config is not None:
         told = (("global", config.global_costmap.costmap), ("local", config.local_costmap.costmap))
-        rates = RecordingRates(
-            costmaps_s={n: 1.0 / c.publish_frequency if c.publish_frequency > 0.0 else math.inf for n, c in told}
-        )
+        shown = {n: 1.0 / c.publish_frequency if c.publish_frequency > 0.0 else math.inf for n, c in told}
+        rates = dataclasses.replace(rates, costmaps_s=shown)
     return NavigationRecording(
         path, start_ns=round(p.clock_start * 1e9), T_base_laser=plant.T_base_laser, laser_frame=laser.FRAME,
         laser_height_m=p.laser_z, upside_down=p.laser_upside_down, base_frame=p.robot_base_frame, rates=rates,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -26,7 +27,21 @@ from slamcli.reports.run_sections import (
 _MOST_EVENTS = 120
 
 
-def drive_report(run: Mapping[str, Any], story: DriveStory, *, title: str, declared: Sequence[Declaration] = ()) -> str:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """What else than driving to goals a robot was to do, in words and figures for the report."""
+
+    title: str
+    parts: Sequence[str]
+    """HTML of its section."""
+    facts: Sequence[tuple[str, str, bool]]
+    """Figure, what it is, and whether it is a bad one, for the head of the page."""
+
+
+def drive_report(
+    run: Mapping[str, Any], story: DriveStory, *, title: str, declared: Sequence[Declaration] = (),
+    task: Task | None = None,
+) -> str:  # fmt: skip
     """Return the report as HTML; the same input gives the same text.
 
     Parameters
@@ -39,6 +54,8 @@ def drive_report(run: Mapping[str, Any], story: DriveStory, *, title: str, decla
         Heading of the page.
     declared
         Declarations of the parameters, for units, defaults and help.
+    task
+        What the robot was to do, instead of driving to the story's goals.
     """
     subtitle = f"slamcli {run.get('slamcli', '')} · seed {run.get('seed', 0)}"
     return page.document(
@@ -46,9 +63,9 @@ def drive_report(run: Mapping[str, Any], story: DriveStory, *, title: str, decla
         [
             f"<h1>{escape(title)}</h1>",
             f'<p class="soft">{escape(subtitle)}</p>',
-            page.cards(_headline(run, story)),
+            page.cards(_headline(run, story, task)),
             page.bullets([str(w) for w in run.get("warnings") or ()], "warnings"),
-            page.section("Goals", _goals(story.goals)),
+            page.section("Goals", _goals(story.goals)) if task is None else page.section(task.title, *task.parts),
             page.section("Way", _way(story)),
             page.section("Localisation", *_localisation(story)),
             page.section("Speed", *_speeds(story)),
@@ -65,10 +82,12 @@ def drive_report(run: Mapping[str, Any], story: DriveStory, *, title: str, decla
     )  # fmt: skip
 
 
-def _headline(run: Mapping[str, Any], story: DriveStory) -> list[tuple[str, str, bool]]:
+def _headline(run: Mapping[str, Any], story: DriveStory, task: Task | None) -> list[tuple[str, str, bool]]:
     figures, timing = story.figures(), run.get("timing") or {}
     reached, goals = figures["reached"], figures["goals"]
     facts = [(f"{reached} of {goals}", "goal reached" if goals == 1 else "goals reached", reached < goals)]
+    if task is not None:
+        facts = list(task.facts)
     facts.append((scales.duration(story.duration_s), "simulated time", False))
     facts.append((f"{story.length_m:.1f} m", "driven", False))
     if figures["ratio"] is not None:

@@ -265,6 +265,12 @@ class Plant:
         poses_at(self._history[:, 3:], at, int(self._counters[0]), 0.0, poses)
         return _wrapped(poses[0])
 
+    def true_pose_at(self, time_s: float) -> Array:
+        """Return where base_link truly was (3,) at a time of the last 2.5 s; the nearest one beyond."""
+        poses = np.empty((1, 3))
+        poses_at(self._history[:, :3], time_s / TICK_S, int(self._counters[0]), 0.0, poses)
+        return _wrapped(poses[0])
+
     def scan(self) -> LaserScan:
         """Return the scan whose last beam is measured now; its stamp is that of its first beam (`sweep_s` ago)."""
         late_ns = _jitter_ns(self.parameters.clock_laser_jitter, self._laser_clock_rng)

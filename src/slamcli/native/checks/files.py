@@ -189,7 +189,12 @@ def _check_package(node: LaunchNode) -> Iterator[Finding]:
 
 
 def _check_yaml(settings: Mapping[str, Setting], path: Path, nodes: Nodes) -> Iterator[Finding]:
+    settings = {name.removeprefix("move_base/"): setting for name, setting in settings.items()}
     heads = {name.partition("/")[0] for name in settings}
+    if "amcl" in heads and len(heads) > 1:
+        yield from nodes["amcl"](below(settings, "amcl"))
+        settings = {name: setting for name, setting in settings.items() if not name.startswith("amcl/")}
+        heads.discard("amcl")
     if not settings:
         yield Finding(NOTE, str(path), 0, "holds no parameters")
     elif "image" in heads and ("resolution" in heads or "occupied_thresh" in heads or "origin" in heads):

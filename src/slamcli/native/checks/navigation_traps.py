@@ -38,9 +38,9 @@ def check_together(settings: Mapping[str, Setting], *, whole: bool) -> Iterator[
 
 
 def check_finite(settings: Mapping[str, Setting]) -> Iterator[Finding]:
-    """Yield values that are not numbers or infinite."""
+    """Yield infinite values; of those that are not numbers the declarations tell."""
     for setting in settings.values():
-        if isinstance(setting.value, float) and not math.isfinite(setting.value):
+        if isinstance(setting.value, float) and math.isinf(setting.value):
             yield at(setting, ERROR, f"{setting.name}={setting.value}: not a finite number")
 
 
