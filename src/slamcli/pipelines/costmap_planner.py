@@ -49,4 +49,4 @@ class CostmapPlanner:
 
 def _question(window: CostWindow, start: Array, goal: Array) -> tuple[bytes, bytes, int]:
     """Return what an answer depends on."""
-    return start.tobytes(), goal.tobytes(), zlib.crc32(window.costs)
+    return start.tobytes(), goal.tobytes(), zlib.crc32(window.costs.data)
