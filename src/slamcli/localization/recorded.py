@@ -117,7 +117,9 @@ class RecordedAmcl:
                 f"in the end no place has most of the particles ({rows.groups[-1]} groups): the robot may be somewhere else"
             )
         elif rows.deviation[-1] > _UNCERTAIN_M:
-            log.warn(f"in the end the particles are spread over {rows.deviation[-1]:.1f} m: the robot may be somewhere else")
+            log.warn(
+                f"in the end the particles are spread over {rows.deviation[-1]:.1f} m: the robot may be somewhere else"
+            )
         fits = np.array(rows.fit)[np.array(rows.used, dtype=np.bool_)]
         if len(fits) and np.median(fits) < _POOR_FIT:
             log.warn(
