@@ -22,8 +22,11 @@ from scipy import ndimage
 from slamcli.errors import SlamcliError
 from slamcli.formats.maps import read_map
 from slamcli.grids import OccupancyGrid
+from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.costmap import INSCRIBED
+from slamcli.navigation.footprint_check import is_blocked, outline
 from slamcli.navigation.layered_costmap import LayeredCostmap
+from slamcli.navigation.motion_check import is_round
 from slamcli.navigation.shortest_path import ShortestField
 from slamcli.pipelines.generate import open_world
 from slamcli.pipelines.navigate import Navigator
@@ -57,6 +60,13 @@ def body_room(path: Path) -> Callable[[np.ndarray], np.ndarray]:
     return room
 
 
+def stands(window: CostWindow, room: Callable[[np.ndarray], np.ndarray], pose: np.ndarray) -> bool:
+    """Whether the robot's outline is free in a pose, on the costmap and in the world."""
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    edge = outline(window) @ np.array([[cosine, sine], [-sine, cosine]]) + pose[:2]
+    return not is_blocked(window, pose[None]).any() and bool((room(edge) > 0.0).all())
+
+
 def draw_pairs(
     path: Path, count: int, seed: int, sets: tuple[str, ...]
 ) -> list[tuple[list[float], list[float], float]]:
@@ -74,10 +84,11 @@ def draw_pairs(
         return []
     rng = np.random.default_rng([seed, 20261122])
     pairs = []
-    for _ in range(count):
-        ends = points[rng.integers(0, len(points), 2)]
-        yaws = rng.uniform(-np.pi, np.pi, 2)
-        start, goal = ([*ends[i].tolist(), float(yaws[i])] for i in (0, 1))
+    while len(pairs) < count:
+        ends = np.column_stack([points[rng.integers(0, len(points), 2)], rng.uniform(-np.pi, np.pi, 2)])
+        if not is_round(window) and not all(stands(window, room, pose) for pose in ends):
+            continue
+        start, goal = ends.tolist()
         pairs.append((start, goal, ShortestField(window, start, goal).length(goal)))
     return pairs
 
@@ -86,7 +97,9 @@ def drive(job: tuple) -> dict:
     """Drive one pair."""
     path, index, start, goal, shortest, options = job
     began, wall = time.process_time(), time.perf_counter()
-    config = load_navigation(sets=options["sets"], local_planner=options["local_planner"])
+    config = load_navigation(
+        sets=options["sets"], local_planner=options["local_planner"], global_planner=options["global_planner"]
+    )
     row = {"map": path.stem, "pair": index, "shortest_m": shortest, "start": start, "goal": goal}
     try:
         robot = Navigator(
@@ -144,13 +157,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--local-planner", default=None)
+    parser.add_argument("--global-planner", default=None)
     parser.add_argument("--localization", default="amcl")
     parser.add_argument("--set", action="append", default=[], dest="sets")
     parser.add_argument("--json", type=Path, default=None, help="every drive as a line of JSON")
     arguments = parser.parse_args()
     options = {
         "sets": tuple(arguments.sets), "people": arguments.people, "seed": arguments.seed,
-        "local_planner": arguments.local_planner, "localization": arguments.localization,
+        "local_planner": arguments.local_planner, "global_planner": arguments.global_planner, "localization": arguments.localization,
     }  # fmt: skip
     paths = [arguments.maps] if arguments.maps.is_file() else find_maps(arguments.maps)
     paths = [p for p in paths if not arguments.map or any(part in str(p) for part in arguments.map)]

@@ -45,7 +45,9 @@ def test_all_of_the_room_is_explored_and_the_robot_is_home(explored):
     summary = document["summary"]
     assert summary["status"] == "done"
     assert summary["coverage"] >= 0.98
-    assert summary["reachable_m2"] == pytest.approx((78 * 118 - 49 - 20 * 19) * 0.0025)  # without the wall and the closet
+    assert summary["reachable_m2"] == pytest.approx(
+        (78 * 118 - 49 - 20 * 19) * 0.0025
+    )  # without the wall and the closet
     assert (summary["collisions"], summary["frontiers_left"]) == (0, 0)
     assert summary["localisation_rmse_m"] < 0.06
     assert document["parameters"]["explore.potential_scale"] == 20.0

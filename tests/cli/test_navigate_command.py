@@ -221,8 +221,9 @@ def test_time_runs_out(room, capsys):
         (["--start", "0,1"], "no goal: give x,y"),
         (["1,1", "--start", "0.02,1"], "start 0.02,1: the robot does not fit there"),
         (["1,1", "--start", "-9,-9"], "start -9,-9 is outside the map"),
-        (["1,1", "--start", "nan,0"], "start [nan, 0.0, 0.0]: not finite"),
-        (["1,1", "--start", "-1.5,0", "--timeout", "nan"], "a timeout of nan s"),
+        (["1,1", "--start", "nan,0"], "start nan,0: not finite"),
+        (["1,1", "--start", "-1.5,0", "--timeout", "nan"], "--timeout nan: give seconds above 0"),
+        (["1,1", "--start", "-1.5,0", "--slam-set", "particles=3"], "--slam-set particles=3: there is nothing that maps"),
         (["1,1", "--start", "-1.5,0", "--set", "DWAPlannerROS/max_vel_x=nan"], "max_vel_x='nan'"),
         (["1,1", "--start", "-1.5,0", "--set", "DWAPlannerROS/max_vel_xx=1"], "did you mean"),
         (["1,1", "--start", "-1.5,0", "--animation", "a.webm"], "a.webm: an animation is a .gif or an .mp4"),
@@ -244,6 +245,11 @@ def test_wrong_usage_is_one_line_and_exit_code_2(room, tmp_path, monkeypatch, ca
 def test_slam_needs_a_world(capsys):
     assert run(["navigate", "1,1", "--slam", "gmapping", "--start", "0,0"]) == 2
     assert "--slam gmapping: say where: --world WORLD" in capsys.readouterr().err
+
+
+def test_with_slam_the_robot_cannot_know_where_it_is(capsys):
+    assert run(["navigate", "1,1", "--slam", "gmapping", "--world", "office", "--localization", "truth"]) == 2
+    assert "--localization truth needs --map" in capsys.readouterr().err
 
 
 def test_a_map_without_room_is_refused(tmp_path, capsys):

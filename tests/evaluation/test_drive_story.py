@@ -81,6 +81,10 @@ def test_a_goal_where_the_robot_stands_has_no_ratio():
     assert math.isnan(goal(optimum_m=0.0).ratio)
 
 
+def test_a_goal_that_was_not_reached_has_no_ratio():
+    assert math.isnan(goal(status="timeout").ratio)
+
+
 def test_ways_of_people_end_where_their_number_changes_or_one_jumps():
     def at(*places):
         return np.array([[x, y, 0.3, 0, 0] for x, y in places]).reshape(-1, 5)

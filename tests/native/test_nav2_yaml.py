@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from slamcli.errors import ConfigError
+from slamcli.localization.amcl_parameters import AmclParameters
 from slamcli.native.nav2_yaml import is_nav2, translate_nav2
 from slamcli.native.ros_yaml import parse_ros_yaml
+from slamcli.pipelines.config import load_declared
 from slamcli.pipelines.navigation_config import load_navigation
 from slamcli.runtime import RunLog
 
@@ -139,6 +141,18 @@ local_costmap:
     assert "layer 'denoise_layer' of type 'nav2_costmap_2d::DenoiseLayer' has no counterpart here" in "\n".join(
         log.notes
     )
+
+
+def test_localize_takes_amcl_of_it(tmp_path):
+    path = tmp_path / "nav2.yaml"
+    path.write_text("amcl:\n  ros__parameters: {max_beams: 60, scan_topic: s}\n" + DWB)
+    log = RunLog()
+    parameters = load_declared("amcl", AmclParameters, [path], log=log).parameters
+    assert (parameters.laser_max_beams, parameters.odom_model_type) == (60, "diff-corrected")
+    assert log.notes == [f"{path}: of nav2's parameters these are not read: amcl/scan_topic"]
+    path.write_text(DWB)
+    with pytest.raises(ConfigError, match=r"nav2.yaml: says nothing to amcl"):
+        load_declared("amcl", AmclParameters, [path])
 
 
 def test_what_is_no_list_of_plugins():

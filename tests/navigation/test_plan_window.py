@@ -8,7 +8,7 @@ from slamcli.errors import DataError
 from slamcli.geometry import se2
 from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.local_planner import NoCommandError
-from slamcli.navigation.plan_window import PlanWindow
+from slamcli.navigation.plan_window import PlanWindow, between_cusps
 from slamcli.navigation.robot_state import RobotState
 
 
@@ -138,3 +138,39 @@ def test_bad_plans_are_refused() -> None:
     assert plans.cut(at(0.0, 0.0), window()).reaches_goal
     plans.clear()
     assert not plans.has_plan
+
+
+def there_and_back() -> np.ndarray:
+    """Forward 1 m along x, then in reverse 0.6 m."""
+    x = np.concatenate([np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.4, 12)])
+    return np.column_stack([x, np.zeros(33), np.zeros(33)])
+
+
+def test_plans_are_cut_where_they_turn_back() -> None:
+    pieces = between_cusps(there_and_back())
+    assert [len(piece) for piece in pieces] == [21, 13]
+    assert pieces[0][-1] == pytest.approx([1.0, 0.0, 0.0])
+    assert pieces[1][0] == pytest.approx([1.0, 0.0, 0.0])
+    assert pieces[1][-1] == pytest.approx([0.4, 0.0, 0.0])
+    assert len(between_cusps(LINE)) == 1
+    assert len(between_cusps(LINE[:1])) == 1
+    doubled = np.repeat(there_and_back(), 2, axis=0)
+    assert [len(piece) for piece in between_cusps(doubled)] == [21, 13]
+
+
+def test_the_way_back_is_shown_only_from_the_cusp_on() -> None:
+    plans = PlanWindow(stop_at_cusps=True)
+    plans.set_plan(there_and_back())
+    before = plans.cut(at(0.6, 0.02), window())
+    assert before.to_end
+    assert not before.reaches_goal
+    assert before.poses[-1, 0] == pytest.approx(1.0)
+    assert before.remaining_m == pytest.approx(0.4)
+    assert before.goal[0] == pytest.approx(0.4)
+    after = plans.cut(at(0.97, 0.02), window())
+    assert after.reaches_goal
+    assert after.poses[-1, 0] == pytest.approx(0.4)
+    # It does not go back to the stretch before, which lies in the same place.
+    assert plans.cut(at(0.6, 0.0), window()).reaches_goal
+    assert not plans.set_plan(there_and_back())
+    assert not plans.cut(at(0.6, 0.0), window()).reaches_goal

@@ -201,3 +201,50 @@ def test_a_robot_in_an_obstacle_may_leave_and_not_enter() -> None:
     assert not hits(costmap, back, escape=True)
     assert hits(costmap, ahead, escape=True)
     assert hits(costmap, np.array([[1.95, 0.0, 0.0]]))  # off the costmap
+
+
+CAR = PursuitParameters(
+    min_turning_radius=0.5,
+    allow_reversing=True,
+    use_rotate_to_heading=False,
+    lookahead_dist=0.4,
+    yaw_goal_tolerance=0.1,
+)
+
+
+def car_drives(plan: np.ndarray, start: tuple[float, float, float], seconds: float = 30.0) -> tuple[np.ndarray, bool]:
+    """Return the twists that lead a car without inertia along a plan, and whether it arrived."""
+    planner = RegulatedPurePursuit(CAR)
+    planner.set_plan(plan)
+    pose, twists, now = np.array(start), [], np.zeros(3)
+    for _ in range(round(seconds / 0.05)):
+        here = state(tuple(now), tuple(pose))
+        if planner.is_goal_reached(here):
+            return np.array(twists), True
+        now = planner.compute_command(here, window()).twist
+        twists.append(now)
+        pose = arc(pose, now, 0.05, 0.05)[-1]
+    return np.array(twists), False
+
+
+def test_a_car_follows_forward_and_reverse_pieces_within_its_curvature() -> None:
+    turn = np.linspace(0.0, 1.2, 30)
+    ahead = np.column_stack([0.6 * np.sin(turn), 0.6 * (1.0 - np.cos(turn)), turn])
+    back = arc(ahead[-1], np.array([-0.6, 0.0, 0.8]), 1.5, 0.03)
+    twists, arrived = car_drives(np.vstack([ahead, back[1:]]), (0.0, 0.0, 0.0))
+    assert arrived
+    moving = twists[np.abs(twists[:, 0]) > 0.0]
+    assert np.abs(moving[:, 2] / moving[:, 0]).max() <= 2.0 + 1e-9
+    signs = np.sign(moving[:, 0])
+    assert (signs[0], signs[-1]) == (1.0, -1.0)
+    assert (np.diff(signs) != 0.0).sum() == 1
+
+
+def test_a_car_at_the_goal_in_another_heading_wants_a_new_plan() -> None:
+    line = np.column_stack([np.linspace(0.0, 1.0, 21), np.zeros(21), np.zeros(21)])
+    line[-1, 2] = 1.5
+    planner = RegulatedPurePursuit(CAR)
+    planner.set_plan(line)
+    assert planner.compute_command(state(pose=(0.5, 0.0, 0.0)), window()).twist[0] > 0.0
+    with pytest.raises(NoCommandError, match="a car needs a new one"):
+        planner.compute_command(state(pose=(0.99, 0.0, 0.0)), window())

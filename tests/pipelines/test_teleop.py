@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -123,6 +124,16 @@ def test_slam_on_the_way_lays_the_map_where_the_world_is(tmp_path, turned):
     assert teleop.robot.grid is not None
 
 
+@pytest.mark.parametrize(("algo", "file"), [("gmapping", "gmapping.launch"), ("cartographer", "backpack_2d.lua")])
+def test_the_missions_files_of_the_system_that_maps(tmp_path, algo, file):
+    teleop = driven(
+        tmp_path, "3,0.5,0\n", slam=algo, slam_files=(Path(file),), map_path=tmp_path / "m.yaml",
+        settings={"laser.fov": 270, "laser.beams": 181},
+    )  # fmt: skip
+    assert (read_map(tmp_path / "m.yaml").grid.cells == 100).sum() > 100
+    assert file in [entry["name"] for entry in json.loads(teleop.driven.record.read_text())["inputs"]]
+
+
 def test_a_drive_that_breaks_off_leaves_nothing(tmp_path):
     teleop = Teleop(TeleopRequest(world="office", path=tmp_path / "o.mcap", settings=FEW))
     with pytest.raises(ZeroDivisionError), teleop.driving() as robot:  # noqa: PT012
@@ -154,6 +165,11 @@ def test_a_map_of_nothing_is_an_error_but_the_recording_stays(tmp_path):
         ({"max_time_s": 0.0}, "--max-time 0 s"),
         ({"slam_sets": ("particles=3",)}, "give --slam too"),
         ({"slam": "gmapping", "settings": {"laser.enabled": False}}, "--slam gmapping needs the scanner"),
+        (
+            {"slam": "gmapping", "slam_files": (Path("move_base.launch"),)},
+            r"move_base\.launch: says nothing to gmapping",
+        ),
+        ({"path": Path()}, "names no file: name the recording"),
         ({"slam": "rtabmap"}, "does not map as it goes"),
         ({"name": "o.txt"}, "cannot tell the format"),
     ],

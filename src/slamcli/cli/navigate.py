@@ -150,7 +150,7 @@ def _command_line(
 ) -> str:  # fmt: skip
     """Return the command that makes this run again: without what only says where results go."""
     words = ["slamcli", "navigate", *goals] + ([] if map_path is None else ["--map", map_path.name])
-    words += [] if start is None else ["--start", ",".join(f"{v:g}" for v in start)]
+    words += [] if start is None else ["--start", ",".join(f"{v:.12g}" for v in start)]
     words += ["--mission", mission.name] if mission is not None else []
     for name, flag in _FLAGS.items():
         value = options[name]

@@ -77,8 +77,10 @@ def command(
     )  # fmt: skip
     velocities = None if script is None else read_velocities(script)
     with Console(verbosity) as console:
-        if not all(kernel_cache.is_filled(room) for room in ("simulation", request.slam or "simulation")):
-            console.say("compiling the simulator (once on this machine; slamcli warmup does it beforehand)")
+        if not all(
+            kernel_cache.is_filled(room) for room in ("simulation", *(["registration"] if request.slam else []))
+        ):
+            console.say("compiling kernels (once on this machine; slamcli warmup does it beforehand)")
         log = RunLog(None if script is None else console)  # a progress line would spoil the picture
         try:
             teleop = Teleop(request, log)

@@ -59,8 +59,8 @@ class GoalStory:
 
     @property
     def ratio(self) -> float:
-        """Way driven over the shortest; NaN where that is not known or nothing."""
-        return self.length_m / self.optimum_m if self.optimum_m > 0.0 else math.nan
+        """Way driven over the shortest; NaN where that is not known or nothing, and of a goal that was not reached."""
+        return self.length_m / self.optimum_m if self.succeeded and self.optimum_m > 0.0 else math.nan
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON has it."""

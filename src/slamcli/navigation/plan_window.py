@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ _SPACING_M = 0.05
 _PRUNE_RADIUS_M = 1.0  # base_local_planner's goal functions have it as a constant
 _SAME_GOAL = 1e-9
 _TIE_M = 0.1
+_CUSP_M = 0.05
+_LEAST_STEP_M = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,8 +35,10 @@ class LocalPlan:
     """Whether the last pose is the goal."""
     distance_m: float
     """From the robot to the nearest of the poses."""
+    to_end: bool
+    """Whether the last pose is the goal or a cusp where the plan is cut."""
     remaining_m: float
-    """Along the global plan from the pose nearest to the robot to the goal."""
+    """Along the global plan from the pose nearest to the robot to the goal, or to the cusp where the plan is cut."""
 
 
 class PlanWindow:
@@ -49,24 +54,34 @@ class PlanWindow:
         ago; then `prune` drops poses for good until one is within 1 m.
     prune
         ``prune_plan``; only without `follow_progress`.
+    stop_at_cusps
+        Show the plan only as far as the place where it turns back (from forward to reverse, or the other way), and go on
+        from there when the robot is within 5 cm of it: so that a car drives there and does not cut it short.
 
     References
     ----------
     ROS package base_local_planner, ``goal_functions`` (``transformGlobalPlan``, ``prunePlan``).
     """
 
-    def __init__(self, *, keep_behind_m: float = 0.0, follow_progress: bool = True, prune: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        keep_behind_m: float = 0.0,
+        follow_progress: bool = True,
+        prune: bool = False,
+        stop_at_cusps: bool = False,
+    ) -> None:
         self._keep_behind_m = keep_behind_m
+        self._stop_at_cusps = stop_at_cusps
         self._follow_progress = follow_progress
         self._prune = prune
         self.clear()
 
     def clear(self) -> None:
         """Forget the plan."""
-        self._plan = np.empty((0, 3))
-        self._along = np.empty(0)
-        self._progress = 0
-        self._known = False
+        self._goal: NDArray[np.float64] | None = None
+        self._later: list[NDArray[np.float64]] = []
+        self._show(np.empty((0, 3)))
 
     @property
     def goal(self) -> NDArray[np.float64]:
@@ -77,14 +92,14 @@ class PlanWindow:
         NoCommandError
             If there is no plan.
         """
-        if not len(self._plan):
+        if self._goal is None:
             raise NoCommandError("there is no global plan")
-        return self._plan[-1]
+        return self._goal
 
     @property
     def has_plan(self) -> bool:
         """Whether there is a plan."""
-        return len(self._plan) > 0
+        return self._goal is not None
 
     def set_plan(self, plan: NDArray[np.float64]) -> bool:
         """Take a plan, float64 (N, 3), map frame; return whether it has another goal than the one before.
@@ -99,12 +114,18 @@ class PlanWindow:
         plan = np.ascontiguousarray(plan, dtype=np.float64)
         if plan.ndim != 2 or plan.shape[1:] != (3,) or not len(plan) or not np.isfinite(plan).all():
             raise DataError(f"a global plan needs finite poses (N, 3), N >= 1; got shape {plan.shape}")
-        new = not len(self._plan) or bool(np.abs(plan[-1] - self._plan[-1]).max() > _SAME_GOAL)
-        self._plan = _dense(plan)
-        self._along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self._plan[:, :2], axis=0).T))])
+        new = self._goal is None or bool(np.abs(plan[-1] - self._goal).max() > _SAME_GOAL)
+        self._goal = plan[-1].copy()
+        first, *self._later = between_cusps(plan) if self._stop_at_cusps else [plan]
+        self._show(_dense(first))
+        return new
+
+    def _show(self, stretch: NDArray[np.float64]) -> None:
+        """Take a stretch of the plan as what there is to follow."""
+        self._plan = stretch
+        self._along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(stretch[:, :2], axis=0).T))])
         self._progress = 0
         self._known = False
-        return new
 
     def cut(self, state: RobotState, costmap: CostWindow) -> LocalPlan:
         """Return what of the plan lies ahead and within reach of the costmap: half its longer side from the robot.
@@ -118,6 +139,9 @@ class PlanWindow:
         robot = state.pose_map
         reach = 0.5 * max(costmap.costs.shape) * costmap.resolution_m
         first, nearest, offset = self._beginning(robot, reach)
+        while self._later and self._along[-1] - self._along[nearest] < _CUSP_M:
+            self._show(_dense(self._later.pop(0)))
+            first, nearest, offset = self._beginning(robot, reach)
         last = min(
             first + 1 + int(np.searchsorted(self._along[first:], self._along[first] + 8.0 * reach)), len(self._plan)
         )
@@ -128,8 +152,9 @@ class PlanWindow:
         return LocalPlan(
             poses=np.ascontiguousarray(se2.compose(T_odom_map, self._plan[first:end])),
             goal=se2.compose(T_odom_map, goal),
-            reaches_goal=end == len(self._plan),
+            reaches_goal=end == len(self._plan) and not self._later,
             distance_m=offset,
+            to_end=end == len(self._plan),
             remaining_m=float(self._along[-1] - self._along[nearest]),
         )
 
@@ -176,6 +201,22 @@ class PlanWindow:
                 f"the global plan is {squared**0.5:.2f} m away from the robot, more than the local costmap reaches"
                 f" ({reach:.2f} m)"
             )
+
+
+def between_cusps(plan: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return a plan (N, 3) cut where it turns back by more than a right angle; a cusp ends one piece and begins the next.
+
+    Poses less than a millimetre from the one before are left out, but for the last, which stays as it is.
+    """
+    steps = np.hypot(*np.diff(plan[:, :2], axis=0).T)
+    kept = plan[np.concatenate([[True], steps >= _LEAST_STEP_M])]
+    if len(kept) == 1:
+        return [plan]
+    kept[-1] = plan[-1]
+    ways = np.diff(kept[:, :2], axis=0)
+    cusps = np.flatnonzero((ways[:-1] * ways[1:]).sum(axis=1) < 0.0) + 1
+    borders = [0, *cusps.tolist(), len(kept) - 1]
+    return [kept[a : b + 1] for a, b in itertools.pairwise(borders)]
 
 
 def _squared(plan: NDArray[np.float64], robot: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,6 +19,8 @@ from slamcli.navigation.pursuit_parameters import PursuitParameters
 from slamcli.navigation.robot_state import RobotState
 
 _LEAST_TURN_RATE = 0.1
+_END_M = 0.03
+_BEYOND_STEP_M, _BEYOND_POSES = 0.05, 20
 _SHARES = (1.0, 0.7, 0.5, 0.35, 0.25)
 
 
@@ -43,12 +45,13 @@ class RegulatedPurePursuit:
     def __init__(self, parameters: PursuitParameters, *, control_period_s: float = 0.05) -> None:
         self.parameters = parameters
         self._period_s = control_period_s
-        self._plans = PlanWindow()
+        self._plans = PlanWindow(stop_at_cusps=parameters.allow_reversing)
+        self._is_car = parameters.min_turning_radius > 0.0
         self._latch = GoalLatch(
             GoalTolerances(
                 xy_m=parameters.xy_goal_tolerance,
                 yaw_rad=parameters.yaw_goal_tolerance,
-                latch=parameters.stateful,
+                latch=parameters.stateful and not self._is_car,
                 stopped_m_s=parameters.trans_stopped_velocity,
                 stopped_rad_s=parameters.rot_stopped_velocity,
                 acc=(2.5, 2.5, parameters.max_angular_accel),
@@ -82,19 +85,27 @@ class RegulatedPurePursuit:
         """
         plan = self._plans.cut(state, costmap)
         pose, twist = state.pose_odom, state.twist
-        if self._latch.position_reached(pose, plan.goal):
+        if self._is_car:
+            if self._latch.goal_reached(pose, plan.goal, np.zeros(3)):
+                return LocalCommand(twist=np.zeros(3), trajectory=np.empty((0, 3)), cost=0.0)
+            if plan.reaches_goal and plan.remaining_m < _END_M:
+                raise NoCommandError("the plan has ended and the goal's heading is not reached: a car needs a new one")
+        elif self._latch.position_reached(pose, plan.goal):
             if not self.parameters.use_rotate_to_heading:
                 return LocalCommand(twist=np.zeros(3), trajectory=np.empty((0, 3)), cost=0.0)
             command = self._latch.command(pose, plan.goal, twist, lambda wanted: self._is_free(state, wanted, costmap))
             return LocalCommand(twist=command, trajectory=np.empty((0, 3)), cost=0.0)
         ahead = self._in_base(pose, plan)
+        backwards = self._is_car and _leads_backwards(plan.poses)
+        if self._is_car and plan.to_end:  # so that the last stretch is driven in the heading of its end
+            ahead = np.vstack([ahead, _prolonged(ahead[-1], -1.0 if backwards else 1.0)])
         reach = self._lookahead(float(twist[0]))
-        if self.parameters.allow_reversing:
-            reach = min(reach, _to_cusp(ahead))
         for share in _SHARES:
             if share < 1.0 and not self._may_shorten(reach, ahead, plan, costmap):
                 break
             command, carrot = self._towards(share * reach, ahead, plan, state, costmap)
+            if self._is_car and (command[0] < 0.0) != backwards:
+                command = -command
             motion = self._motion(pose, command, float(np.hypot(*carrot)), costmap)
             if not self.parameters.use_collision_detection or self._passes(command, motion, costmap):
                 return LocalCommand(twist=command, trajectory=motion, cost=0.0)
@@ -154,6 +165,9 @@ class RegulatedPurePursuit:
         curvature = _curvature(carrot)
         if parameters.use_fixed_curvature_lookahead:
             curvature = _curvature(self._carrot(ahead, parameters.curvature_lookahead_dist))
+        if self._is_car:
+            tightest = 1.0 / parameters.min_turning_radius
+            curvature = min(max(curvature, -tightest), tightest)
         speed = min(self._regulated(curvature, pose, costmap), self._approach(plan))
         sign = -1.0 if parameters.allow_reversing and carrot[0] < 0.0 else 1.0
         return np.array([sign * speed, 0.0, sign * speed * curvature])
@@ -224,6 +238,19 @@ def _curvature(point: NDArray[np.float64]) -> float:
     return 2.0 * float(point[1]) / squared if squared > 1e-6 else 0.0
 
 
+def _leads_backwards(poses: NDArray[np.float64]) -> bool:
+    """Whether a robot that follows poses (N, 3), which do not turn back, drives in reverse."""
+    step = poses[min(len(poses) - 1, 3), :2] - poses[0, :2]
+    return bool(step @ np.array([math.cos(poses[0, 2]), math.sin(poses[0, 2])]) < 0.0)
+
+
+def _prolonged(end: NDArray[np.float64], direction: float) -> NDArray[np.float64]:
+    """Return poses (N, 3) straight on from a pose (3,)."""
+    on = direction * _BEYOND_STEP_M * np.arange(1, _BEYOND_POSES + 1)
+    x, y = end[0] + on * math.cos(end[2]), end[1] + on * math.sin(end[2])
+    return np.column_stack([x, y, np.full(len(on), end[2])])
+
+
 def _cost_at(pose: NDArray[np.float64], costmap: CostWindow) -> int:
     column = math.floor((pose[0] - costmap.origin_m[0]) / costmap.resolution_m)
     row = math.floor((pose[1] - costmap.origin_m[1]) / costmap.resolution_m)
@@ -239,10 +266,3 @@ def _circle_crossing(inside: NDArray[np.float64], outside: NDArray[np.float64], 
         return outside.copy()
     share = (-b + math.sqrt(max(b * b - a * c, 0.0))) / a
     return inside + min(max(share, 0.0), 1.0) * step
-
-
-def _to_cusp(ahead: NDArray[np.float64]) -> float:
-    """Return the distance, metres, to the first pose where the plan turns back; inf if it does not."""
-    steps = np.diff(ahead[:, :2], axis=0)
-    turns = np.flatnonzero((steps[:-1] * steps[1:]).sum(axis=1) < 0.0)
-    return float(np.hypot(*ahead[turns[0] + 1, :2])) if len(turns) else math.inf

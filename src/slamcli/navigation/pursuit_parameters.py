@@ -48,6 +48,14 @@ class PursuitParameters:
     allow_reversing: bool = parameter(
         False, "Drive backwards where the plan's poses do; needs use_rotate_to_heading=false, as in nav2."
     )
+    min_turning_radius: float = parameter(
+        0.0,
+        "Of a car-like robot: arcs are no tighter, and a goal passed in a wrong heading wants a new plan. 0: turns on the spot.",
+        unit="m",
+        minimum=0.0,
+        maximum=1000.0,
+        extension=True,
+    )
     use_regulated_linear_velocity_scaling: bool = parameter(True, "Slow down in curves.")
     regulated_linear_scaling_min_radius: float = parameter(
         0.9, "Radius of curves below which the robot slows down.", unit="m", minimum=0.001, maximum=1000.0

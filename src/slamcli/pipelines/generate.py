@@ -102,7 +102,7 @@ def generate(
     """
     log = log or RunLog()
     place = open_world(world)
-    record_path = Path(path).with_suffix(".run.json")
+    record_path = record_beside(path)
     check_outputs(find_world(world), path, record_path, truth, map_path)
     if start is not None and place.path is not None:
         raise UsageError(f"world {place.name}: --start is for robots that drive; this rig follows the world's path")
@@ -165,6 +165,14 @@ def _run_record(made: Generated, world: Path, changed: Mapping[str, Any], log: R
         },
         outputs=[path.name for path in outputs],
     )
+
+
+def record_beside(path: str | os.PathLike[str]) -> Path:
+    """Return where the record of a recording lies: its name with ``.run.json``; raise UsageError for a path without a name."""
+    recording = Path(path)
+    if not recording.name:
+        raise UsageError(f"{os.fspath(path) or repr('')} names no file: name the recording, for example drive.mcap")
+    return recording.with_suffix(".run.json")
 
 
 def check_outputs(world: Path, *outputs: str | os.PathLike[str] | None) -> None:

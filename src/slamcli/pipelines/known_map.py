@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.live_planner import LivePath, LivePlanner
+from slamcli.navigation.planner_methods import Method
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.shortest_path import shortest_length
 
@@ -22,11 +23,15 @@ class KnownMap:
         How is planned.
     window
         The costmap; copied.
+    method
+        Of planning; hybrid_astar: whether NavFn finds a way is asked first, because it is fast and complete.
     """
 
-    def __init__(self, parameters: PlannerParameters, window: CostWindow) -> None:
+    def __init__(self, parameters: PlannerParameters, window: CostWindow, method: Method = "navfn") -> None:
         self.window = dataclasses.replace(window, costs=window.costs.copy())
-        self._planner = LivePlanner(parameters)
+        self._planners = [LivePlanner(parameters)]
+        if method == "hybrid_astar":
+            self._planners.append(LivePlanner(parameters, method))
         self._through_unknown = parameters.allow_unknown is not False
 
     def cost(self, x: float, y: float) -> int | None:
@@ -39,14 +44,14 @@ class KnownMap:
         return int(window.costs[row, column])
 
     def plan(self, start: Sequence[float], goal: Sequence[float]) -> LivePath:
-        """Return NavFn's path.
+        """Return the path: NavFn's, or hybrid A*'s where that is the method.
 
         Raises
         ------
         NoPathError
             If there is none; it says why.
         """
-        return self._planner.plan(self.window, start, goal)
+        return [planner.plan(self.window, start, goal) for planner in self._planners][-1]
 
     def shortest_m(self, start: Sequence[float], goal: Sequence[float]) -> float:
         """Return the length of the shortest way for the inflated robot, through unknown cells only if there is no other."""

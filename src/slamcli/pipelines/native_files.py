@@ -11,6 +11,7 @@ from pathlib import Path
 from slamcli.errors import ConfigError
 from slamcli.native import Launch, LaunchNode, Setting, is_preset, read_cartographer_lua, read_launch, read_ros_yaml
 from slamcli.native.cartographer_launch import find_configuration
+from slamcli.native.nav2_yaml import is_nav2, translate_nav2
 from slamcli.native.opencv_yaml import read_opencv_yaml
 from slamcli.native.orbslam_launch import find_settings
 from slamcli.native.orbslam_names import NODE_PACKAGES, NODES, renamed
@@ -22,6 +23,7 @@ from slamcli.runtime import RunLog
 CARTOGRAPHER = "cartographer"
 ORBSLAM3 = "orbslam3"
 RTABMAP = "rtabmap"
+AMCL = "amcl"
 # Nodes of a launch file that a tier stands for, by their type.
 _NODES = {
     "gmapping": ("slam_gmapping",),
@@ -77,7 +79,7 @@ def read_native(
             return NativeFile(settings=_read_settings(path, log))
         raise ConfigError(f"{path}: {algo} reads settings (.yaml) and launch files (.launch, .xml)")
     if suffix in (".yaml", ".yml"):
-        return NativeFile(settings=[_own(setting, algo) for setting in read_ros_yaml(path)])
+        return NativeFile(settings=[_own(setting, algo) for setting in _read_yaml(algo, path, log)])
     hint = f"; Lua files are for --algo {CARTOGRAPHER}" if suffix == ".lua" else ""
     raise ConfigError(f"{path}: {algo} reads launch files (.launch, .xml) and parameter files (.yaml){hint}")
 
@@ -160,6 +162,19 @@ def _read_lua(
         for setting in found.settings
         if not (is_preset(setting.file) and setting.name in known and setting.value == known[setting.name].default)
     )
+
+
+def _read_yaml(algo: str, path: Path, log: RunLog) -> Sequence[Setting]:
+    """Return the parameters of a YAML file; of one of nav2's those of amcl, for amcl."""
+    settings = read_ros_yaml(path)
+    if algo != AMCL or not is_nav2(settings):
+        return settings
+    translated = translate_nav2(setting for setting in settings if setting.name.startswith(f"{AMCL}/"))
+    for note in translated.notes:
+        log.note(f"{path}: {note}")
+    if not translated.settings:
+        raise ConfigError(f"{path}: says nothing to amcl")
+    return translated.settings
 
 
 def _own(setting: Setting, algo: str) -> Setting:

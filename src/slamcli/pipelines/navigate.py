@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,6 +30,8 @@ from slamcli.navigation.planner_methods import Method
 from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.recovery import build_recoveries
 from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Rates
+from slamcli.pipelines.costmap_planner import CostmapPlanner
+from slamcli.pipelines.drive_kinds import fit_to_drive
 from slamcli.pipelines.drive_record import Drive
 from slamcli.pipelines.generate import open_world
 from slamcli.pipelines.known_map import KnownMap
@@ -155,23 +156,28 @@ class Navigator:
         listeners: Sequence[LoopListener] = (),
         log: RunLog | None = None,
     ) -> None:
-        self.config = config = config or load_navigation()
+        config = config or load_navigation()
         pose = np.array([*start, 0.0][:3], dtype=np.float64)
         if not np.isfinite(pose).all():
-            raise UsageError(f"start {pose.tolist()}: not finite")
+            raise UsageError(f"start {','.join(f'{v:g}' for v in start)}: not finite")
         place, grid = _opened(map_path, world, slam, pose)
+        settings = _settings(config, place, people)
+        config = replace(config, global_planner=global_planner or config.global_planner)
+        self.config = config = fit_to_drive(config, settings, log or RunLog())
         self.costmaps = CostmapPair(
             world=LayeredCostmap(config.global_costmap, name="global", static=grid),
             local=LayeredCostmap(config.local_costmap, name="local", static=grid),
         )
         self.costmaps.world.update(pose)
-        self._known = None if slam else KnownMap(_for_driving(config.planner, "navfn"), self.costmaps.world.window())
+        surveyor = _surveyor(config)
+        self._known = None
+        if slam is None:
+            self._known = KnownMap(_for_driving(config.planner, surveyor), self.costmaps.world.window(), surveyor)
         self._check_start(pose)
-        settings = self._settings(place, people)
         self.plant = Plant(place, settings, start=pose, seed=seed, odometry_start=pose if slam else None)
         self.localiser = self._localised(localization, slam, grid, pose, seed, log)
         self.loop = ClosedLoop(
-            self.plant, self.localiser, self.costmaps, self._move_base(global_planner or config.global_planner, dwa_scaling),
+            self.plant, self.localiser, self.costmaps, self._move_base(dwa_scaling),
             self._rates(settings), CollisionMonitor(config.monitor, self.costmaps.world.window().circumscribed_radius_m),
             listeners,
         )  # fmt: skip
@@ -264,13 +270,6 @@ class Navigator:
         if cost in (INSCRIBED, LETHAL):
             raise UsageError(f"{where}: the robot does not fit there, a wall is too near")
 
-    def _settings(self, place: World, people: int) -> SimulationParameters:
-        """Return the robot's body and sensors; the body is the one that the costmaps are told of."""
-        costmap = self.config.global_costmap.costmap
-        radius = COSTMAP_2D_ROBOT_RADIUS_M if costmap.robot_radius is None else costmap.robot_radius
-        body: dict[str, Any] = {"robot.radius": max(radius, 0.02), "robot.footprint": costmap.footprint}
-        return resolve_settings(ROBOT_SETTINGS, {"people.count": people}, place.settings, body, self.config.simulation)
-
     def _localised(
         self,
         kind: Localization,
@@ -292,14 +291,15 @@ class Navigator:
         amcl.set_pose(start, None)
         return AmclLocaliser(amcl)
 
-    def _move_base(self, global_planner: Method, dwa_scaling: str) -> MoveBase:
+    def _move_base(self, dwa_scaling: str) -> MoveBase:
         config, world = self.config, self.costmaps.world
         local = build_local_planner(
             config.local_planner, config.local_parameters, 1.0 / config.move_base.controller_frequency, dwa_scaling
         )
         radius = world.window().circumscribed_radius_m
         recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius, config.behaviours)
-        planner = _CostmapPlanner(LivePlanner(_for_driving(config.planner, global_planner), global_planner), world)
+        method = config.global_planner
+        planner = CostmapPlanner(LivePlanner(_for_driving(config.planner, method), method), world)
         return MoveBase(config.move_base, self.costmaps, planner, local, recoveries)
 
     def _rates(self, settings: SimulationParameters) -> Rates:
@@ -315,15 +315,17 @@ class Navigator:
         )
 
 
-class _CostmapPlanner:
-    """The global planner on the global costmap as it is."""
+def _surveyor(config: NavigationConfig) -> Method:
+    """Return the planner that says on the known map whether there is a way."""
+    return "hybrid_astar" if config.global_planner == "hybrid_astar" else "navfn"
 
-    def __init__(self, planner: LivePlanner, costmap: LayeredCostmap) -> None:
-        self._planner, self._costmap = planner, costmap
 
-    def make_plan(self, start: Array, goal: Array) -> Array:
-        """Return a plan (N, 3) in map."""
-        return self._planner.plan(self._costmap.window(), start.tolist(), goal.tolist()).poses
+def _settings(config: NavigationConfig, place: World, people: int) -> SimulationParameters:
+    """Return the robot's body and sensors; the body is the one that the costmaps are told of."""
+    costmap = config.global_costmap.costmap
+    radius = COSTMAP_2D_ROBOT_RADIUS_M if costmap.robot_radius is None else costmap.robot_radius
+    body: dict[str, Any] = {"robot.radius": max(radius, 0.02), "robot.footprint": costmap.footprint}
+    return resolve_settings(ROBOT_SETTINGS, {"people.count": people}, place.settings, body, config.simulation)
 
 
 def _for_driving(parameters: PlannerParameters, method: Method) -> PlannerParameters:
@@ -334,7 +336,7 @@ def _for_driving(parameters: PlannerParameters, method: Method) -> PlannerParame
     """
     if method != "navfn" or parameters.cost_factor is not None:
         return parameters
-    return dataclasses.replace(parameters, cost_factor=_COST_FACTOR)
+    return replace(parameters, cost_factor=_COST_FACTOR)
 
 
 def _opened(

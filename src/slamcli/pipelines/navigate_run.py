@@ -123,6 +123,12 @@ def _check(request: NavigateRequest) -> None:
         raise UsageError(
             f"--slam {request.slam}: say where: --world WORLD (a world file, a map.yaml or a built-in name)"
         )
+    if request.slam is None and request.slam_sets:
+        raise UsageError(f"--slam-set {request.slam_sets[0]}: there is nothing that maps; give --slam, too")
+    if request.slam is not None and request.localization == "truth":
+        raise UsageError("--localization truth needs --map: with --slam the robot is where its SLAM says")
+    if request.timeout_s is not None and not 0.0 < request.timeout_s < math.inf:
+        raise UsageError(f"--timeout {request.timeout_s:g}: give seconds above 0")
     check_outputs(request)
 
 

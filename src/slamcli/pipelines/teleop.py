@@ -184,7 +184,11 @@ class Teleop:
     def _document(self, driven: Driven) -> dict[str, Any]:
         request = self._request
         outputs = [driven.path, driven.record, *(p for p in (driven.truth, driven.map) if p is not None)]
-        inputs = [find_world(request.world), *([] if request.script is None else [request.script]), *request.slam_files]
+        inputs = [
+            find_world(request.world),
+            *([] if request.script is None else [request.script]),
+            *request.native_files,
+        ]
         return run_document(
             command=request.command, algo=request.slam or "simulation", parameters=driven.settings, changed=request.settings,
             seed=driven.seed, jobs=1, inputs=describe_inputs(inputs), topics=driven.messages,

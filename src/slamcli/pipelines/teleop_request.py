@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from slamcli.errors import UsageError
+from slamcli.native.settings import find_native
 from slamcli.outputs import check_file
-from slamcli.pipelines.generate import check_outputs
+from slamcli.pipelines.generate import check_outputs, record_beside
+from slamcli.pipelines.live_slam import files_of_tier
 from slamcli.recordings.containers import create_raw
 from slamcli.simulation.builtin import find_world
 
@@ -50,7 +52,12 @@ class TeleopRequest:
     @property
     def record(self) -> Path:
         """The run's record, the recording's name with ``.run.json``."""
-        return self.path.with_suffix(".run.json")
+        return record_beside(self.path)
+
+    @property
+    def native_files(self) -> tuple[Path, ...]:
+        """`slam_files` where they lie: a name that is no file means one that slamcli brings along."""
+        return tuple(find_native(file) for file in self.slam_files)
 
 
 def check_request(request: TeleopRequest) -> None:
@@ -62,6 +69,10 @@ def check_request(request: TeleopRequest) -> None:
         With the reason.
     """
     limit = request.max_time_s
+    if request.slam is not None:
+        for file in request.native_files:
+            if not files_of_tier(request.slam, [file]):
+                raise UsageError(f"--config {file}: says nothing to {request.slam}")
     if limit is not None and not 0.0 < limit <= _LONGEST_S:
         raise UsageError(f"--max-time {limit:g} s: give seconds above 0 and up to {_LONGEST_S:g}")
     if request.start is not None and not all(map(math.isfinite, request.start)):
@@ -71,7 +82,7 @@ def check_request(request: TeleopRequest) -> None:
     image = None if request.map_path is None else request.map_path.with_suffix(".pgm")
     outputs = (request.path, request.record, request.truth, request.map_path, image)
     check_outputs(find_world(request.world), *outputs)
-    inputs = {p.resolve() for p in (request.script, *request.slam_files) if p is not None}
+    inputs = {p.resolve() for p in (request.script, *request.native_files) if p is not None}
     for target in outputs:
         if target is not None and target.resolve() in inputs:
             raise UsageError(f"{target} is read: name another file for the output")

@@ -14,7 +14,7 @@ from slamcli.geometry import se2, se3
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import LaserScan
 from slamcli.pipelines.generate import open_world
-from slamcli.pipelines.live_slam import build_live_slam, files_of_tier
+from slamcli.pipelines.live_slam import build_live_slam
 from slamcli.pipelines.localisers import SlamLocaliser
 from slamcli.pipelines.loop_listener import LoopListener
 from slamcli.pipelines.rhythm import TICK_S, Rhythm
@@ -93,9 +93,8 @@ class TeleopRobot:
         p = self.plant.parameters
         if not (p.laser_enabled and p.odometry_enabled):
             raise UsageError(f"--slam {request.slam} needs the scanner and odometry: laser.enabled, odometry.enabled")
-        files = files_of_tier(request.slam, request.slam_files)
         mapper = build_live_slam(
-            request.slam, files, request.slam_sets, scan_topic=laser.TOPIC, T_base_laser=se3.from_se2(self.plant.T_base_laser),
+            request.slam, request.native_files, request.slam_sets, scan_topic=laser.TOPIC, T_base_laser=se3.from_se2(self.plant.T_base_laser),
             seed=request.seed, log=log,
         )  # fmt: skip
         return SlamLocaliser(mapper, self.start, _MAP_PERIOD_S)

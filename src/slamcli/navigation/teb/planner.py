@@ -54,7 +54,10 @@ class TebPlanner:
 
     def __init__(self, parameters: TebParameters, *, control_period_s: float = 0.05, seed: int = 0) -> None:
         self._parameters = parameters
-        self._window = PlanWindow(keep_behind_m=parameters.trajectory.global_plan_prune_distance)
+        self._window = PlanWindow(
+            keep_behind_m=parameters.trajectory.global_plan_prune_distance,
+            stop_at_cusps=parameters.robot.min_turning_radius > 0.0,
+        )
         self._alternatives = Alternatives(parameters, seed=seed)
         self._oscillation = OscillationRecovery(parameters, control_period_s)
         self._horizon = HorizonBackup(parameters)
