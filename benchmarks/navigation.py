@@ -79,7 +79,8 @@ def draw_pairs(path: Path, count: int, seed: int, sets: tuple[str, ...]) -> list
     points = points[room(points) > window.inscribed_radius_m]
     if len(points) < FREE_AT_LEAST:
         return []
-    regions, _ = ndimage.label((window.costs < INSCRIBED) | (window.costs == NO_INFORMATION))
+    through_unknown = (window.costs == NO_INFORMATION) & (config.planner.allow_unknown is not False)
+    regions, _ = ndimage.label((window.costs < INSCRIBED) | through_unknown)
 
     def region(point: np.ndarray) -> int:
         column, row = np.floor((point[:2] - window.origin_m) / window.resolution_m).astype(int)
