@@ -19,6 +19,7 @@ from slamcli.navigation.frontiers import FrontierSearch, costs_for_exploring, co
 
 pytestmark = pytest.mark.kernels
 
+DEFAULTS = {"min_frontier_size": 0.0, "potential_scale": 1e-3, "goal_point": "centroid"}
 VALUES = {".": 0, "#": 254, "?": 255, "i": 253, "c": 100}
 LITE = {
     "snap_goal": False, "distance": "straight", "through_cost": 0, "look_in": False, "min_frontier_size": 0.0,
@@ -31,7 +32,7 @@ def drawn(*rows):
 
 
 def find(costs, pose=(0.5, 0.5, 0.0), resolution_m=1.0, origin=(0.0, 0.0), **parameters):
-    p = ExploreParameters(**{"min_frontier_size": 0.0} | parameters)
+    p = ExploreParameters(**DEFAULTS | parameters)
     return FrontierSearch(p).find(costs, origin, resolution_m, np.array(pose))
 
 

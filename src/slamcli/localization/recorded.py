@@ -116,6 +116,10 @@ class RecordedAmcl:
             log.warn(
                 f"in the end no place has most of the particles ({rows.groups[-1]} groups): the robot may be somewhere else"
             )
+        elif rows.deviation[-1] > _UNCERTAIN_M:
+            log.warn(
+                f"in the end the particles are spread over {rows.deviation[-1]:.1f} m: the robot may be somewhere else"
+            )
         fits = np.array(rows.fit)[np.array(rows.used, dtype=np.bool_)]
         if len(fits) and np.median(fits) < _POOR_FIT:
             log.warn(
@@ -124,6 +128,8 @@ class RecordedAmcl:
 
 
 _POOR_FIT = 0.4
+_UNCERTAIN_M = 1.0
+"""Deviation of all particles from which on the pose is no answer: half the width of an office."""
 
 
 @dataclass(slots=True)
