@@ -92,13 +92,12 @@ def free_start(grid: SearchGrid, window: CostWindow, start: Cell) -> list[tuple[
     return None
 
 
-def free_outline(
-    grid: SearchGrid, window: CostWindow, start: Sequence[float], cell: Cell, *, too_near: bool
-) -> list[tuple[Cell, int]]:
+def free_outline(grid: SearchGrid, window: CostWindow, start: Sequence[float], cell: Cell) -> list[tuple[Cell, int]]:
     """Make room in `grid` for the outline of a robot that stands at `start`; for planners that look at the outline.
 
-    The robot is there, so what its padded outline touches does not block it. Where it stands `too_near` to an obstacle, all
-    cells around that are no obstacle themselves may be crossed, because the way out that a car can drive is not the shortest.
+    The robot is there, so what its padded outline touches does not block it. Cells around it within the inscribed radius of an
+    obstacle may be crossed at the greatest cost, because the way out that a car can drive is not the shortest, and its
+    outline is looked at on the way.
 
     Returns
     -------
@@ -110,12 +109,9 @@ def free_outline(
     points = (outline(window) @ turn + np.array([x, y]) - np.array(window.origin_m)) / resolution
     touched = [(math.floor(row), math.floor(column)) for column, row in points]
     opened = [(at, LETHAL) for at in dict.fromkeys(touched)]
-    if too_near:
-        reach = math.ceil(window.inscribed_radius_m / resolution + 1.0)
-        span = range(-reach, reach + 1)
-        opened += [
-            ((cell[0] + dr, cell[1] + dc), INSCRIBED) for dr in span for dc in span if math.hypot(dr, dc) <= reach
-        ]
+    reach = math.ceil(window.inscribed_radius_m / resolution + 1.0)
+    span = range(-reach, reach + 1)
+    opened += [((cell[0] + dr, cell[1] + dc), INSCRIBED) for dr in span for dc in span if math.hypot(dr, dc) <= reach]
     height, width = window.costs.shape
     changed = []
     for (row, column), value in opened:

@@ -172,8 +172,7 @@ class LivePlanner:
         if way_out is None:
             raise ends.start_blocked(window, start, source.cell)
         if self.method == "hybrid_astar":
-            too_near = bool(grid.blocked[way_out[0][1]])
-            way_out += ends.free_outline(grid, window, start, source.cell, too_near=too_near)
+            way_out += ends.free_outline(grid, window, start, source.cell)
         try:
             flooded, why = False, ""
             for target in candidates(grid):
