@@ -152,6 +152,17 @@ def test_maps_in_which_nobody_can_be_are_refused(value, start, message, capsys, 
     assert message in capsys.readouterr().err
 
 
+def test_on_another_map_it_says_that_it_does_not_know(capsys, folder):
+    bars = np.zeros((400, 400), np.int8)
+    bars[::40] = bars[:, ::40] = 100
+    write_map(folder / "bars.yaml", OccupancyGrid(bars, 0.05))
+    assert run(["localize", "drive.mcap", "--map", "bars.yaml", "--global", "-o", "elsewhere", *FAST]) == 0
+    said = capsys.readouterr().err
+    deviation = json.loads((folder / "elsewhere" / "run.json").read_text())["summary"]["final_deviation_m"]
+    assert deviation > 1.0
+    assert "the robot may be somewhere else" in said
+
+
 def test_a_recording_without_odometry_or_scans_is_refused(capsys, folder):
     for name, keep, message in (
         ("scans.mcap", "/scan", "AMCL needs it"),

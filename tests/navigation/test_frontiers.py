@@ -19,7 +19,7 @@ from slamcli.navigation.frontiers import FrontierSearch, costs_for_exploring, co
 
 pytestmark = pytest.mark.kernels
 
-DEFAULTS = {"min_frontier_size": 0.0, "potential_scale": 1e-3, "goal_point": "centroid"}
+DEFAULTS = {"min_frontier_size": 0.0, "potential_scale": 1e-3, "goal_point": "centroid", "goal_distance": 0.0}
 VALUES = {".": 0, "#": 254, "?": 255, "i": 253, "c": 100}
 LITE = {
     "snap_goal": False, "distance": "straight", "through_cost": 0, "look_in": False, "min_frontier_size": 0.0,
@@ -264,3 +264,18 @@ def test_what_is_seen_equals_its_naive_twin():
                 naive.add((i, j))
     assert kernels.visible_unknown(costs.ravel(), 40, 12 * 40 + 20, 12.0, 60, seen, 1) == len(naive)
     assert {divmod(k, 40) for k in np.flatnonzero(seen).tolist()} == naive
+
+
+@pytest.mark.parametrize("point", ["initial", "middle", "centroid"])
+def test_a_goal_is_not_where_the_robot_is_already(point):
+    costs = drawn("?????????", ".........", "#########")
+    pose = (1.5, 1.5, 0.0)
+    (near,) = find(costs, pose, goal_point=point, goal_clearance=0.0)
+    (far,) = find(costs, pose, goal_point=point, goal_clearance=0.0, goal_distance=2.5)
+    assert near.goal[:2] == pytest.approx([4.5, 1.5] if point == "centroid" else [1.5, 1.5])
+    assert far.goal[:2] == pytest.approx([4.5, 1.5])  # the nearest that is 2.5 m away or more
+    (all_near,) = find(costs, pose, goal_point=point, goal_clearance=0.0, goal_distance=50.0)
+    assert all_near.goal[:2] == pytest.approx(
+        near.goal[:2]
+    )  # where there is none so far away, the distance does not count
+    assert (far.way_m, far.cost) == (near.way_m, near.cost)

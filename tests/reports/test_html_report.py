@@ -11,6 +11,7 @@ from slamcli.grids import OccupancyGrid
 from slamcli.parameters import Declaration
 from slamcli.reports.figures import map_png
 from slamcli.reports.html import report
+from slamcli.reports.run_sections import parameter_table
 from slamcli.trajectory import Trajectory
 
 EVIL = "/scan<script>alert('x')</script>\"&"
@@ -150,6 +151,13 @@ def test_inner_figures_stand_under_their_path():
 def test_changed_parameters_come_first(markup):
     assert markup.index("<code>minimumScore") < markup.index("<code>particles")
     assert "How many &lt;b&gt;." in markup
+
+
+def test_what_a_file_says_and_holds_anyway_is_not_changed():
+    declared = [Declaration("sizes", "sizes", str, (1, 2), "", "Two.", None, None, (), True, False)]
+    run = {"parameters": {"sizes": [1, 2]}, "changed": {"sizes": [1, 2]}}
+    assert "0 changed from the default" in parameter_table(run, declared)
+    assert "1 changed from the default" in parameter_table({"parameters": {"sizes": [1, 3]}}, declared)
 
 
 @pytest.mark.parametrize("missing", [True, False])

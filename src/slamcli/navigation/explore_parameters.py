@@ -68,6 +68,15 @@ class ExploreParameters:
         maximum=100.0,
         extension=True,
     )
+    goal_distance: float = parameter(
+        0.5,
+        "A goal is so far from the robot at least, where the frontier reaches farther: a robot that is there already sees nothing"
+        " new (explore_lite: 0).",
+        unit="m",
+        minimum=0.0,
+        maximum=100.0,
+        extension=True,
+    )
     distance: str = parameter(
         "way",
         "What potential_scale counts: the shortest way over known cells, or the straight line (as explore_lite).",

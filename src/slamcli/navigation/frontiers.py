@@ -170,9 +170,7 @@ class _View:
         apart = np.hypot(*(points - self.pose[:2]).T)
         closest, first = int(np.argmin(apart)), int(np.argmin(self.length[near]))
         named = {"centroid": points.mean(axis=0), "middle": points[closest], "initial": points[first]}
-        goal = named[p.goal_point]
-        if p.snap_goal:
-            goal = self._beside(goal, points, near)
+        goal = self._goal(named["centroid"], cells, near)
         distance_m = float(apart[closest])
         way_m = float(self.length[near[first]]) * self.resolution_m / kernels.STRAIGHT
         gain_m = len(cells) * self.resolution_m if p.gain == "size" else self._visible_m(goal, number)
@@ -183,6 +181,22 @@ class _View:
             distance_m=distance_m, way_m=way_m, gain_m=gain_m,
             cost=p.potential_scale * travel * self.resolution_m - p.gain_scale * gain_m,
         )  # fmt: skip
+
+    def _goal(
+        self, centroid: NDArray[np.float64], cells: NDArray[np.int64], near: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        """Return where to drive, (2,): not to where the robot is already, if the frontier reaches farther."""
+        p = self.parameters
+        far = np.hypot(*(self._points(near) - self.pose[:2]).T) >= p.goal_distance
+        if far.any():
+            cells, near = cells[far], near[far]
+        points = self._points(cells)
+        goal = centroid
+        if p.goal_point == "middle":
+            goal = points[int(np.argmin(np.hypot(*(points - self.pose[:2]).T)))]
+        elif p.goal_point == "initial":
+            goal = points[int(np.argmin(self.length[near]))]
+        return self._beside(goal, points, near) if p.snap_goal else goal
 
     def _beside(
         self, point: NDArray[np.float64], points: NDArray[np.float64], near: NDArray[np.int64]

@@ -18,7 +18,7 @@ ul{padding-left:1.2rem;margin:.4rem 0}li{overflow-wrap:anywhere}
 figure{margin:.8rem 0}svg{display:block;width:100%;height:auto}.scroll{overflow-x:auto}
 table{border-collapse:collapse;min-width:min(100%,28rem);font-size:.87rem}th,td{text-align:left;padding:.22rem .8rem .22rem 0;border-bottom:1px solid var(--line);vertical-align:top}
 th{color:var(--soft);font-weight:500}td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}td{overflow-wrap:break-word;max-width:44rem}td:last-child{overflow-wrap:anywhere}
-.wordy td{overflow-wrap:anywhere;min-width:3.4rem}.wordy td:first-child{min-width:14rem}.wordy td:nth-child(2){min-width:6rem}.wordy td:last-child{min-width:18rem}
+.wordy td{overflow-wrap:anywhere;min-width:3.4rem}.wordy td:first-child{min-width:14rem}.wordy td:nth-child(2){min-width:6rem}.wordy td:nth-child(5){white-space:nowrap}.wordy td:last-child{min-width:18rem}
 tr.changed td{font-weight:600}.bar{background:var(--c0);height:.7rem;border-radius:2px;min-width:1px;print-color-adjust:exact;-webkit-print-color-adjust:exact}td.wide{width:55%;min-width:8rem;vertical-align:middle}
 code,pre{font:13px/1.5 ui-monospace,monospace}pre{background:var(--card);padding:.7rem;border-radius:8px;white-space:pre-wrap;overflow-wrap:anywhere}
 .line{fill:none;stroke-width:1.3;vector-effect:non-scaling-stroke;stroke-linejoin:round;stroke-linecap:round}.axis{stroke:var(--soft);fill:none}.grid{stroke:var(--line);fill:none}

@@ -65,7 +65,7 @@ def parameter_table(run: Mapping[str, Any], declared: Sequence[Declaration]) -> 
     rows = []
     for name, value in values.items():
         d = known.get(name)
-        is_changed = name in changed or (d is not None and value != d.default)
+        is_changed = name in changed if d is None else not _same(value, d.default)
         cells = [
             name,
             _exact(value),
@@ -87,6 +87,14 @@ def parameter_table(run: Mapping[str, Any], declared: Sequence[Declaration]) -> 
     count = sum(not unchanged for unchanged, _ in rows)
     told = f'<p class="soft">{len(rows)} parameters, {count} changed from the default.</p>'
     return f'{told}<div class="scroll"><table class="wordy"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Whether a value out of JSON, where tuples are lists, is the default: files may say what holds anyway."""
+    return bool(
+        (list(value) if isinstance(value, tuple) else value)
+        == (list(default) if isinstance(default, tuple) else default)
+    )
 
 
 def _exact(value: Any) -> str:
