@@ -23,11 +23,10 @@ from slamcli.errors import SlamcliError
 from slamcli.formats.maps import read_map
 from slamcli.grids import OccupancyGrid
 from slamcli.navigation.cost_window import CostWindow
-from slamcli.navigation.costmap import INSCRIBED
+from slamcli.navigation.costmap import INSCRIBED, NO_INFORMATION
 from slamcli.navigation.footprint_check import is_blocked, outline
 from slamcli.navigation.layered_costmap import LayeredCostmap
 from slamcli.navigation.motion_check import is_round
-from slamcli.navigation.shortest_path import ShortestField
 from slamcli.pipelines.generate import open_world
 from slamcli.pipelines.navigate import Navigator
 from slamcli.pipelines.navigation_config import load_navigation
@@ -67,10 +66,8 @@ def stands(window: CostWindow, room: Callable[[np.ndarray], np.ndarray], pose: n
     return not is_blocked(window, pose[None]).any() and bool((room(edge) > 0.0).all())
 
 
-def draw_pairs(
-    path: Path, count: int, seed: int, sets: tuple[str, ...]
-) -> list[tuple[list[float], list[float], float]]:
-    """Return start pose, goal pose and the length of the shortest way (inf: none)."""
+def draw_pairs(path: Path, count: int, seed: int, sets: tuple[str, ...]) -> list[tuple[list[float], list[float], bool]]:
+    """Return start pose, goal pose and whether a way joins them on the map."""
     config = load_navigation(sets=sets)
     grid = read_map(path).grid
     costmap = LayeredCostmap(config.global_costmap, name="global", static=grid)
@@ -82,6 +79,13 @@ def draw_pairs(
     points = points[room(points) > window.inscribed_radius_m]
     if len(points) < FREE_AT_LEAST:
         return []
+    through_unknown = (window.costs == NO_INFORMATION) & (config.planner.allow_unknown is not False)
+    regions, _ = ndimage.label((window.costs < INSCRIBED) | through_unknown)
+
+    def region(point: np.ndarray) -> int:
+        column, row = np.floor((point[:2] - window.origin_m) / window.resolution_m).astype(int)
+        return int(regions[row, column])
+
     rng = np.random.default_rng([seed, 20261122])
     pairs = []
     while len(pairs) < count:
@@ -89,18 +93,18 @@ def draw_pairs(
         if not is_round(window) and not all(stands(window, room, pose) for pose in ends):
             continue
         start, goal = ends.tolist()
-        pairs.append((start, goal, ShortestField(window, start, goal).length(goal)))
+        pairs.append((start, goal, region(ends[0]) == region(ends[1])))
     return pairs
 
 
 def drive(job: tuple) -> dict:
     """Drive one pair."""
-    path, index, start, goal, shortest, options = job
+    path, index, start, goal, joined, options = job
     began, wall = time.process_time(), time.perf_counter()
     config = load_navigation(
         sets=options["sets"], local_planner=options["local_planner"], global_planner=options["global_planner"]
     )
-    row = {"map": path.stem, "pair": index, "shortest_m": shortest, "start": start, "goal": goal}
+    row = {"map": path.stem, "pair": index, "joined": joined, "start": start, "goal": goal}
     try:
         robot = Navigator(
             path, start=start, config=config, people=options["people"], seed=options["seed"] * 1000 + index,
@@ -126,10 +130,10 @@ def drive(job: tuple) -> dict:
 
 def summarise(name: str, rows: list[dict]) -> dict:
     """Return the figures of one map."""
-    possible = [r for r in rows if np.isfinite(r["shortest_m"])]
-    impossible = [r for r in rows if not np.isfinite(r["shortest_m"])]
+    possible = [r for r in rows if r["joined"]]
+    impossible = [r for r in rows if not r["joined"]]
     arrived = [r for r in possible if r["status"] == "succeeded"]
-    ratios = [r["length_m"] / r["shortest_m"] for r in arrived if r["shortest_m"] > 1.0]
+    ratios = [r["length_m"] / r["optimum_m"] for r in arrived if r["optimum_m"] > 1.0]
     driven = [r for r in rows if "seconds" in r]
     hits = [c for r in driven for c in r["collisions"]]
     return {
@@ -185,7 +189,7 @@ def main() -> None:
             lines.append(summarise(f"{path.parent.name}/{path.stem}", rows))
             print(json.dumps(lines[-1]), flush=True)
             for row in rows:
-                possible = np.isfinite(row["shortest_m"])
+                possible = row["joined"]
                 bad = [c for c in row.get("collisions", []) if c[3]]
                 if (possible and row["status"] != "succeeded") or bad:
                     print(f"    pair {row['pair']}: {row['status']}: {row['message']} {bad}", flush=True)

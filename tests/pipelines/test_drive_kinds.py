@@ -136,3 +136,18 @@ def test_the_map_tells_a_car_that_may_not_reverse_that_it_cannot_get_there(tmp_p
     assert arrival.status == "unreachable"
     assert "no drivable way" in arrival.message
     assert arrival.drive is None
+
+
+def test_hybrid_astar_leaves_a_place_where_the_outline_touches_a_wall():
+    config, _ = fitted()
+    costmap = LayeredCostmap(config.global_costmap, name="global", static=corridor())
+    costmap.update(np.zeros(3))
+    before = costmap.window().costs.copy()
+    start, goal = (
+        np.array([1.0, 0.66, 0.3]),
+        np.array([4.0, 0.95, 0.0]),
+    )  # 0.16 m from the wall, with a radius of 0.18 m
+    path = LivePlanner(config.planner, "hybrid_astar").plan(costmap.window(), start.tolist(), goal.tolist())
+    assert path.points_m[-1] == pytest.approx(goal[:2])
+    assert path.points_m[:, 1].min() > 0.6
+    assert np.array_equal(costmap.window().costs, before)

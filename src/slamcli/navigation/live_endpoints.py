@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from slamcli.navigation.cost_window import CostWindow
 from slamcli.navigation.costmap import INSCRIBED, LETHAL, NO_INFORMATION
 from slamcli.navigation.endpoints import NoPathError
+from slamcli.navigation.footprint_check import outline
 from slamcli.navigation.search_space import Cell, SearchGrid
 
 _HAIR = 1e-9
@@ -89,6 +90,35 @@ def free_start(grid: SearchGrid, window: CostWindow, start: Cell) -> list[tuple[
             queue.append(following)
     levels[start[0] + 1, start[1] + 1] = changed[0][1]
     return None
+
+
+def free_outline(grid: SearchGrid, window: CostWindow, start: Sequence[float], cell: Cell) -> list[tuple[Cell, int]]:
+    """Make room in `grid` for the outline of a robot that stands at `start`; for planners that look at the outline.
+
+    The robot is there, so what its padded outline touches does not block it. Cells around it within the inscribed radius of an
+    obstacle may be crossed at the greatest cost, because the way out that a car can drive is not the shortest, and its
+    outline is looked at on the way.
+
+    Returns
+    -------
+    The cells that were changed, with their values before, to be put back last one first.
+    """
+    levels, resolution = grid.levels, window.resolution_m
+    x, y, yaw = start[0], start[1], start[2] if len(start) > 2 else 0.0
+    turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
+    points = (outline(window) @ turn + np.array([x, y]) - np.array(window.origin_m)) / resolution
+    touched = [(math.floor(row), math.floor(column)) for column, row in points]
+    opened = [(at, LETHAL) for at in dict.fromkeys(touched)]
+    reach = math.ceil(window.inscribed_radius_m / resolution + 1.0)
+    span = range(-reach, reach + 1)
+    opened += [((cell[0] + dr, cell[1] + dc), INSCRIBED) for dr in span for dc in span if math.hypot(dr, dc) <= reach]
+    height, width = window.costs.shape
+    changed = []
+    for (row, column), value in opened:
+        if 0 <= row < height and 0 <= column < width and levels[row + 1, column + 1] == value:
+            changed.append(((row, column), value))
+            levels[row + 1, column + 1] = INSCRIBED - 1
+    return changed
 
 
 def _opened(levels: NDArray[np.uint8], came_from: dict[Cell, Cell], cell: Cell, start: Cell) -> list[tuple[Cell, int]]:

@@ -171,6 +171,8 @@ class LivePlanner:
         way_out = ends.free_start(grid, window, source.cell)
         if way_out is None:
             raise ends.start_blocked(window, start, source.cell)
+        if self.method == "hybrid_astar":
+            way_out += ends.free_outline(grid, window, start, source.cell)
         try:
             flooded, why = False, ""
             for target in candidates(grid):
@@ -185,7 +187,7 @@ class LivePlanner:
                 return self._describe(route, window, (source, target), start, goal, allow_unknown)
             raise ends.goal_failure(grid, window, start, goal, why if self.method == "hybrid_astar" else "")
         finally:
-            for cell, value in way_out:
+            for cell, value in reversed(way_out):
                 self._levels[cell[0] + 1, cell[1] + 1] = value
 
     def _describe(

@@ -52,7 +52,7 @@ class MoveBaseParameters:
     recovery_behavior_enabled: bool = parameter(True, "Try recovery behaviours before giving up.")
     clearing_rotation_allowed: bool = parameter(True, "Whether the robot may turn in place to recover.")
     oscillation_timeout: float = parameter(
-        0.0, "How long the robot may move less than oscillation_distance before recovery; 0: for ever.",
+        30.0, "How long the robot may move less than oscillation_distance before recovery; 0: for ever, as ROS by default.",
         unit="s", minimum=0.0,
     )  # fmt: skip
     oscillation_distance: float = parameter(0.5, "See oscillation_timeout.", unit="m", minimum=0.0)
