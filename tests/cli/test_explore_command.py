@@ -34,7 +34,7 @@ def explored(request, room, tmp_path_factory):
     """Return the folder of an exploration, and the arguments that made it."""
     folder = tmp_path_factory.mktemp(request.param) / "out"
     arguments = ["explore", str(room), "--slam", request.param, "--start", START, "--seed", "4", "-q", "--lean",
-                 "--set", "laser.range_max=2.5"]  # fmt: skip
+                 "--set", "laser.range_max=2.5", "--set", "explore/goal_distance=0.5"]  # fmt: skip
     assert run([*arguments, "-o", str(folder)]) == 0
     return folder, arguments
 

@@ -69,9 +69,9 @@ class ExploreParameters:
         extension=True,
     )
     goal_distance: float = parameter(
-        0.5,
+        0.0,
         "A goal is so far from the robot at least, where the frontier reaches farther: a robot that is there already sees nothing"
-        " new (explore_lite: 0).",
+        " new. Helps where the scanner's range ends before the walls; small frontiers then may keep the robot going to and fro.",
         unit="m",
         minimum=0.0,
         maximum=100.0,
