@@ -135,7 +135,7 @@ def load_navigation(
     ConfigError
         If a file cannot be read, a name is unknown, or a value has the wrong type or range. The message has the place.
     """
-    log = log or RunLog()
+    log = (log if files or sets else None) or RunLog()  # of slamcli's own file there is nothing to remark
     paths = [find_native(Path(file)) for file in files] or [find_native(Path(DEFAULT_FILE))]
     settings = [setting for path in paths for setting in _read(path, log, arguments or {})]
     sections = Sections(log)
