@@ -41,8 +41,8 @@ class PlannerParameters:
     cost_factor: float | None = parameter(
         None,
         "What a costmap value adds to it: a cell costs neutral_cost + cost_factor * value, relative to neutral_cost."
-        " 0 looks for the shortest way and takes the costmap only as free or not. auto: 0.8, navfn's constant"
-        " (0.2 where a robot drives along the path, which keeps it short); 3 with the planner global_planner.",
+        " 0 looks for the shortest way and takes the costmap only as free or not. auto: 0.8, navfn's constant;"
+        " 3 with the planner global_planner.",
         kind=float,
         minimum=0.0,
         maximum=1000.0,

@@ -27,7 +27,6 @@ from slamcli.navigation.live_planner import LivePlanner
 from slamcli.navigation.local_planners import build_local_planner
 from slamcli.navigation.move_base import MoveBase, Phase
 from slamcli.navigation.planner_methods import Method
-from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.recovery import build_recoveries
 from slamcli.pipelines.closed_loop import ClosedLoop, CostmapPair, Rates
 from slamcli.pipelines.costmap_planner import CostmapPlanner
@@ -57,7 +56,6 @@ ROBOT_SETTINGS: Mapping[str, Any] = {
 
 _SHOWN_HZ = 2.0, 0.5
 """How often listeners are told of the local and the global costmap where publish_frequency is 0: what is published is theirs to say."""
-_COST_FACTOR = 0.2
 _FIRST_MAP_M = 10.0
 """Side of the unknown square that a robot without a map begins with."""
 _MAP_PERIOD_S = 1.0
@@ -172,7 +170,7 @@ class Navigator:
         surveyor = _surveyor(config)
         self._known = None
         if slam is None:
-            self._known = KnownMap(_for_driving(config.planner, surveyor), self.costmaps.world.window(), surveyor)
+            self._known = KnownMap(config.planner, self.costmaps.world.window(), surveyor)
         self._check_start(pose)
         self.plant = Plant(place, settings, start=pose, seed=seed, odometry_start=pose if slam else None)
         self.localiser = self._localised(localization, slam, grid, pose, seed, log)
@@ -299,7 +297,7 @@ class Navigator:
         radius = world.window().circumscribed_radius_m
         recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius, config.behaviours)
         method = config.global_planner
-        planner = CostmapPlanner(LivePlanner(_for_driving(config.planner, method), method), world)
+        planner = CostmapPlanner(LivePlanner(config.planner, method), world)
         return MoveBase(config.move_base, self.costmaps, planner, local, recoveries)
 
     def _rates(self, settings: SimulationParameters) -> Rates:
@@ -326,17 +324,6 @@ def _settings(config: NavigationConfig, place: World, people: int) -> Simulation
     radius = COSTMAP_2D_ROBOT_RADIUS_M if costmap.robot_radius is None else costmap.robot_radius
     body: dict[str, Any] = {"robot.radius": max(radius, 0.02), "robot.footprint": costmap.footprint}
     return resolve_settings(ROBOT_SETTINGS, {"people.count": people}, place.settings, body, config.simulation)
-
-
-def _for_driving(parameters: PlannerParameters, method: Method) -> PlannerParameters:
-    """Return the planner's parameters with navfn's `cost_factor` where it is left to us.
-
-    With navfn's own constant, 0.8, plans go up to 1.45 times the shortest way to keep off walls that the robot passes with ease; the local
-    planner keeps it off them as well.
-    """
-    if method != "navfn" or parameters.cost_factor is not None:
-        return parameters
-    return replace(parameters, cost_factor=_COST_FACTOR)
 
 
 def _opened(
