@@ -297,7 +297,9 @@ class Navigator:
         radius = world.window().circumscribed_radius_m
         recoveries = build_recoveries(config.move_base, config.recovery, self.costmaps, radius, config.behaviours)
         method = config.global_planner
-        planner = CostmapPlanner(LivePlanner(config.planner, method), world, config.local_parameters.xy_goal_tolerance)
+        planner = CostmapPlanner(
+            LivePlanner(config.planner, method), world, getattr(config.local_parameters, "xy_goal_tolerance", 0.0)
+        )
         return MoveBase(config.move_base, self.costmaps, planner, local, recoveries)
 
     def _rates(self, settings: SimulationParameters) -> Rates:
