@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Write requirements.lock: what pip resolves for pyproject.toml, its dev extra and its build, on the oldest Python.
 
-Run it with Python 3.11: newer Pythons may resolve to versions that 3.11 cannot use.
+Run it with Python 3.11: newer Pythons may resolve to versions that 3.11 cannot use. With --keep, what is pinned stays
+as it is, and only what is new is added.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ def main() -> None:
         report = Path(folder) / "report.json"
         command = [sys.executable, "-m", "pip", "install", "--quiet", "--dry-run", "--ignore-installed"]
         wanted = [f"{ROOT}[dev]", "hatchling", "editables", *NEWER]
+        if "--keep" in sys.argv[1:]:
+            wanted += ["--constraint", str(ROOT / "requirements.lock")]
         subprocess.run([*command, "--report", str(report), *wanted], check=True)
         found = [item["metadata"] for item in json.loads(report.read_text())["install"]]
     lines = []
