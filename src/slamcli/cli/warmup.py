@@ -18,6 +18,7 @@ ROOMS = (
     "cartographer.sweep_3d",
     "grids.depth_projection",
     "grids.distance",
+    "grids.first_seen",
     "grids.ground",
     "grids.hybrid_blocks",
     "grids.probability_grid",
