@@ -29,7 +29,7 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
-def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+def on_page_markdown(markdown: str, page: Any, files: Any, **_: Any) -> str:
     """Return the page with its links out of docs/ turned to the copies."""
 
     def turned(match: re.Match[str]) -> str:
