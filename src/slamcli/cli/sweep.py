@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.fleet_options import fleet_options
 from slamcli.cli.map import command as map_command
 from slamcli.cli.options import json_option, verbosity_options
 from slamcli.cli.recording_options import recording_options
@@ -20,6 +21,7 @@ from slamcli.cli.sweep_progress import SweepProgress
 from slamcli.runtime import RunLog
 
 if TYPE_CHECKING:
+    from slamcli.pipelines.compare_points import PointsRequest
     from slamcli.recordings import Mends
 
 _OF_MAP = (
@@ -31,6 +33,7 @@ _OF_MAP = (
 
 
 @click.command()
+@fleet_options(result="sweep", own_jobs=True)
 @click.argument("bag", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--algo", default="gmapping", show_default=True, help="SLAM system.")
 @click.option(
@@ -77,14 +80,13 @@ _OF_MAP = (
     "-o", "--output", type=click.Path(path_type=Path),
     help="Folder for the result (default: BAG's name with -sweep, beside it); what is done in it is not done again.",
 )  # fmt: skip
-@click.option("--workers", type=click.IntRange(min=0), default=0, show_default="all cores", help="Runs at once.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Threads of each run.")
 @recording_options
 @json_option
 @verbosity_options
 def command(
     bag: tuple[Path, ...], arguments: tuple[str, ...], ref: str | None, output: Path | None, mends: Mends,
-    verbosity: int, as_json: bool, together: bool, workers: int, **options: Any,
+    verbosity: int, as_json: bool, together: bool, workers: int | None, **options: Any,
 ) -> int:  # fmt: skip
     """Try many values of native parameters on the recording BAG, and rank them.
 
@@ -106,14 +108,13 @@ def command(
     from slamcli.pipelines.sweep_subjects import find_subjects
     from slamcli.reports.sweep_tables import sweep_text
 
-    for name in _OF_MAP:
-        options.pop(name)
+    of_map = {name: options.pop(name) for name in _OF_MAP}
     launch_arguments = dict(_pair(text) for text in arguments)
     maps = default_output(bag)
     request = SweepRequest(
         subjects=find_subjects(bag, ref, together=together),
         output=output or maps.with_name(f"{maps.name.removesuffix('-maps')}-sweep"),
-        launch_arguments=launch_arguments, map_options=_map_words(click.get_current_context()), mends=mends,
+        launch_arguments=launch_arguments, map_options=_map_words(click.get_current_context()), points=_points(of_map, mends),
         workers=workers or os.cpu_count() or 1, command=_command_line(), **options,
     )  # fmt: skip
     with Console(verbosity) as console:
@@ -143,6 +144,20 @@ for _option in map_command.params:
         command.params.append(_option)
 
 
+def _points(of_map: dict[str, Any], mends: Mends) -> PointsRequest:
+    """Return how figures that need no truth read the recording: as the runs do."""
+    from slamcli.pipelines.compare_points import PointsRequest
+    from slamcli.recordings.camera_topics import CameraNames
+
+    cameras = CameraNames(
+        **{role: of_map[f"{role}_topic"] for role in ("rgb", "depth", "left", "right", "camera_info")}
+    )
+    return PointsRequest(
+        inputs=(), mends=mends, start_s=of_map["start_s"], duration_s=of_map["duration_s"], scan_topics=of_map["scan_topics"],
+        points_topics=of_map["points_topics"], cameras=cameras, camera_files=of_map["camera_files"],
+    )  # fmt: skip
+
+
 def _map_words(context: click.Context) -> tuple[str, ...]:
     """Return what the user gave of the options of ``map``, as words of its command line."""
     from slamcli.cli.recording_options import given_mends
@@ -167,7 +182,7 @@ def _words(option: str, value: Any) -> list[str]:
 def _command_line() -> str:
     """Return the command as it was typed, without what cannot change the result."""
     context = click.get_current_context()
-    left_out = {"output", "workers", "as_json", "verbosity", "keep"}
+    left_out = {"output", "workers", "scheduler", "max_memory", "as_json", "verbosity", "keep"}
     words = ["slamcli", "sweep"]
     for parameter in context.command.params:
         name = parameter.name or ""

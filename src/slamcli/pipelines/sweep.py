@@ -14,9 +14,16 @@ from slamcli.errors import EstimationError, RecordingError, UsageError
 from slamcli.outputs import check_directory
 from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.evaluation_request import find_kind
-from slamcli.pipelines.jobs import JobOutcome, run_jobs
+from slamcli.pipelines.jobs import Job, JobOutcome, run_jobs
 from slamcli.pipelines.sweep_axes import Axis, parse_axis, value_text
-from slamcli.pipelines.sweep_objective import DEFAULTS, OF_REFERENCE, Objective, find_figure, find_objective
+from slamcli.pipelines.sweep_objective import (
+    DEFAULTS,
+    OF_REFERENCE,
+    WITHOUT_TRUTH,
+    Objective,
+    find_figure,
+    find_objective,
+)
 from slamcli.pipelines.sweep_ranking import SetResult, rank_sets, without_lost
 from slamcli.pipelines.sweep_request import SweepRequest
 from slamcli.pipelines.sweep_runs import Bookkeeper, Run, RunResult, job_of, plan_runs
@@ -110,9 +117,7 @@ def _objective(request: SweepRequest) -> Objective:
         raise UsageError(f"--ref: recordings have references of different kinds ({', '.join(sorted(kinds))})")
     key = request.objective
     if key is None:
-        if not kinds:
-            raise UsageError("nothing to rank by: name what is true with --ref, or a figure with --objective")
-        return find_objective(DEFAULTS[kinds.pop()], request.maximise)
+        return find_objective(DEFAULTS[kinds.pop()] if kinds else WITHOUT_TRUTH, request.maximise)
     if not kinds and key.partition(".")[0] in OF_REFERENCE:
         raise UsageError(f"--objective {key}: is a figure of a comparison with what is true: name that with --ref")
     return find_objective(key, request.maximise)
@@ -132,7 +137,7 @@ def _run_all(
     """Run what is not done yet, and measure each result when it is there."""
     by_name = {run.name: run for run in runs}
     found: dict[str, RunResult] = {}
-    books = Bookkeeper(request)
+    books = Bookkeeper(request, objective, log)
     folders = _Folders(request, runs, objective)
 
     def take(outcome: JobOutcome) -> None:
@@ -149,8 +154,21 @@ def _run_all(
     with log.stage("runs"):
         books.prepare(runs)
         jobs = [job_of(run, request, fixed) for run in runs]
-        run_jobs(jobs, workers=request.workers, records=request.output / "jobs", told=take)
+        _run_jobs(request, jobs, told=take)
     return [found[run.name] for run in runs]
+
+
+def _run_jobs(
+    request: SweepRequest,
+    jobs: Sequence[Job],
+    told: Callable[[JobOutcome], None] = lambda _: None,
+    *,
+    fresh: bool = False,
+) -> None:
+    run_jobs(
+        jobs, workers=request.workers, records=request.output / "jobs", told=told, fresh=fresh, keep_stdout=False,
+        scheduler=request.scheduler, memory_limit_bytes=request.memory_limit_bytes,
+    )  # fmt: skip
 
 
 class _Folders:
@@ -195,7 +213,7 @@ def _keep(sweep: Sweep, fixed: Sequence[str]) -> None:
     if request.keep == "best":
         runs = [result.run for result in sweep.best.runs if not result.failure]
         missing = [run for run in runs if not (run.folder / "run.json").is_file()]
-        run_jobs([job_of(run, request, fixed) for run in missing], workers=request.workers)
+        _run_jobs(request, [job_of(run, request, fixed) for run in missing], fresh=True)
         kept = {run.folder for run in runs}
     if request.keep != "all":
         for file in sorted((request.output / "runs").rglob("*-s*.json")):

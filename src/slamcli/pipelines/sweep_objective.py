@@ -9,9 +9,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from slamcli.errors import UsageError
+from slamcli.evaluation.figure_catalogue import BY_KEY, CONSISTENCY
 
 DEFAULTS = {"trajectory": "ate.rmse", "relations": "relations.trans.mean", "map": "map.f_score"}
 """By kind of reference."""
+WITHOUT_TRUTH = CONSISTENCY[0].key
+"""Where nothing is known to be true: the figure of a result and its recording that says most."""
 OF_REFERENCE = ("ate", "ate_rot", "rpe", "rpe_rot", "relations", "kitti", "segments", "coverage")
 """First parts of keys that only a comparison with what is true gives."""
 
@@ -50,7 +53,9 @@ def find_objective(key: str, maximise: bool | None) -> Objective:
     UsageError
         If nobody says it, or the caller contradicts a figure whose direction is known.
     """
-    more, less = bool(_MORE_IS_BETTER.search(key)), bool(_LESS_IS_BETTER.search(key))
+    better = BY_KEY[key].better if key in BY_KEY else ""
+    more = better == "higher" or (not better and bool(_MORE_IS_BETTER.search(key)))
+    less = better == "lower" or (not better and bool(_LESS_IS_BETTER.search(key)))
     if more:
         return Objective(key=key, maximise=True)
     if less and maximise:
@@ -58,9 +63,9 @@ def find_objective(key: str, maximise: bool | None) -> Objective:
     return Objective(key=key, maximise=bool(maximise))
 
 
-def is_known(key: str) -> bool:
-    """Whether the direction of a figure is known from its name."""
-    return bool(_MORE_IS_BETTER.search(key) or _LESS_IS_BETTER.search(key))
+def needs_no_truth(key: str) -> bool:
+    """Whether a figure is measured on a result and its recording alone."""
+    return any(figure.key == key for figure in CONSISTENCY)
 
 
 def find_figure(key: str, figures: Mapping[str, float]) -> float:

@@ -8,7 +8,7 @@ import json
 import math
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,11 @@ from slamcli.pipelines.jobs import Job, JobOutcome
 from slamcli.pipelines.run_record import describe_inputs
 from slamcli.pipelines.sweep_axes import value_text
 from slamcli.pipelines.sweep_request import Subject, SweepRequest
-from slamcli.pipelines.sweep_scoring import score_result
+from slamcli.pipelines.sweep_objective import Objective, needs_no_truth
+from slamcli.pipelines.sweep_scoring import Eyes, score_result
 from slamcli.pipelines.sweep_sets import ParameterSet
 from slamcli.pipelines.trajectories import parse_source
+from slamcli.runtime import RunLog
 
 _SCORING = 1
 """Changes when other figures are taken from a result: those on disk are then measured again."""
@@ -98,9 +100,12 @@ def job_of(run: Run, request: SweepRequest, fixed: Sequence[str]) -> Job:
 class Bookkeeper:
     """Turns finished jobs into figures, once; knows which folders may go."""
 
-    def __init__(self, request: SweepRequest) -> None:
+    def __init__(self, request: SweepRequest, objective: Objective, log: RunLog) -> None:
         self._request = request
-        self._keys = {subject.name: _scoring_key(subject) for subject in request.subjects}
+        self._log = log
+        alone = needs_no_truth(objective.key)
+        self._eyes = {s.name: Eyes(replace(request.points, inputs=s.inputs)) for s in request.subjects if alone}
+        self._keys = {subject.name: _scoring_key(subject, alone=alone) for subject in request.subjects}
 
     def prepare(self, runs: Sequence[Run]) -> None:
         """Measure again what was measured in another way, or forget it, so that it runs again."""
@@ -127,7 +132,8 @@ class Bookkeeper:
         return _result(run, outcome, {**figures, **own} if figures else {}, str(known["failure"]))
 
     def _measure(self, run: Run) -> dict[str, Any]:
-        measured = score_result(run.folder, run.subject, self._request.mends)
+        eyes = self._eyes.get(run.subject.name)
+        measured = score_result(run.folder, run.subject.reference, self._request.mends, eyes, self._log)
         figures = {name: value if math.isfinite(value) else None for name, value in measured.figures.items()}
         document = {"scoring": self._keys[run.subject.name], "failure": measured.failure, "figures": figures}
         with atomic_file(run.figures_file) as stream:
@@ -148,9 +154,9 @@ def _reason(outcome: JobOutcome) -> str:
     return outcome.message.removeprefix("slamcli: ") or f"exit code {outcome.exit_code}"
 
 
-def _scoring_key(subject: Subject) -> str:
-    """Return what says that figures are those of this reference."""
-    known: list[Any] = [_SCORING]
+def _scoring_key(subject: Subject, *, alone: bool) -> str:
+    """Return what says that figures are those of this reference, and whether those that need none are among them."""
+    known: list[Any] = [_SCORING, alone]
     if subject.reference is not None:
         source = parse_source(subject.reference)
         path = Path(source.path)

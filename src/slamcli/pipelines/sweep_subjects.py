@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slamcli.errors import FormatError, UsageError
+from slamcli.pipelines.sources import RECORDINGS, find_sources, is_url, stem_of
 from slamcli.pipelines.sweep_request import Subject
 from slamcli.pipelines.trajectories import is_recording, parse_source
 
@@ -23,7 +24,7 @@ def find_subjects(inputs: Sequence[Path], reference: str | None, *, together: bo
     Parameters
     ----------
     inputs
-        Files or folders.
+        Files, folders, and with `together` what else `slamcli.pipelines.sources.find_sources` takes.
     reference
         What results are scored against: a file, ``{name}`` and ``{dir}`` in it the recording's own, or ``truth`` for what lies
         beside the recording.
@@ -37,24 +38,25 @@ def find_subjects(inputs: Sequence[Path], reference: str | None, *, together: bo
     """
     if not together:
         return (Subject(name="", inputs=tuple(inputs), reference=_reference(inputs[0], reference)),)
-    names = [_stem(path) for path in inputs]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise UsageError(f"--together: two recordings are called {twice}: rename one")
-    if len(inputs) > 1 and reference is not None and reference != TRUTH and "{" not in reference:
+    sources = find_sources([str(path) for path in inputs], RECORDINGS)
+    if len(sources) < 2:
+        raise UsageError("--together: name several recordings")
+    if any(is_url(source.text) for source in sources):
+        raise UsageError("--together: recordings must lie on this machine; --each fetches them one by one")
+    if reference is not None and reference != TRUTH and "{" not in reference:
         raise UsageError(
             f"--together: --ref {reference} is one for all: write {{name}} and {{dir}} for each recording's own"
         )
     return tuple(
-        Subject(name=name, inputs=(path,), reference=_reference(path, reference))
-        for name, path in zip(names, inputs, strict=True)
+        Subject(name=source.name, inputs=(Path(source.text),), reference=_reference(Path(source.text), reference))
+        for source in sources
     )
 
 
 def _reference(path: Path, given: str | None) -> str | None:
     if given is None:
         return None
-    folder, name = str(path.parent), _stem(path)
+    folder, name = str(path.parent), stem_of(path.resolve().name)
     if given == TRUTH and not Path(given).exists():
         return _found_truth(path, folder, name)
     text = given.replace("{name}", name).replace("{dir}", folder)
@@ -76,12 +78,3 @@ def _found_truth(path: Path, folder: str, name: str) -> str:
         return str(path)
     looked = ", ".join(place.name for place in places)
     raise FormatError(f"--ref truth: nothing that is true of {path} lies beside it (looked for {looked})")
-
-
-def _stem(path: Path) -> str:
-    name = path.resolve().name
-    if path.is_dir():
-        return name
-    for suffix in (".gz", *path.suffixes[::-1]):
-        name = name.removesuffix(suffix)
-    return name

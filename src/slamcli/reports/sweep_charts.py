@@ -57,11 +57,11 @@ def parameter_chart(view: ParameterView, document: Mapping[str, Any]) -> str:
         parts.append(f'<path class="limit" d="M{frame.left} {float(frame.y(np.array(base))):.1f}H{frame.right}"/>')
     run_x, run_y = frame.x(view.run_at), frame.y(view.run_values)
     dots = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in zip(run_x, run_y, strict=True))
-    parts.append(f'<path class="dots faint" d="{dots}"/>')
+    parts.append(f'<path class="dots faint" style="stroke-width:4;stroke-opacity:.7" d="{dots}"/>')
     if not view.alone:
         if view.numeric:
             parts.append(f'<path class="line c1" stroke-dasharray="5 4" d="{path(frame, view.at, view.marginal)}"/>')
-        parts.append(f'<path class="dots c1" d="{_dots(frame, view.at, view.marginal)}"/>')
+        parts.append(f'<path class="dots c1" style="stroke-width:5" d="{_dots(frame, view.at, view.marginal)}"/>')
     parts.append(_spreads(frame, view))
     return drawing(f"{document['objective']['key']} over {view.name}", _WIDTH, _HEIGHT + room, parts)
 
@@ -76,7 +76,7 @@ def _spreads(frame: Frame, view: ParameterView) -> str:
         if np.isfinite(low) and low != high
     )
     parts.append(f'<path class="line c0" d="{bars}"/>')
-    parts.append(f'<path class="dots c0" stroke-width="6" d="{_dots(frame, view.at, view.best[:, 1])}"/>')
+    parts.append(f'<path class="dots c0" style="stroke-width:7" d="{_dots(frame, view.at, view.best[:, 1])}"/>')
     for px, count in zip(x, view.failed, strict=True):
         if count:
             parts.append(

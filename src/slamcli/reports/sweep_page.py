@@ -64,7 +64,9 @@ def _pairs(document: Mapping[str, Any]) -> str:
     pair = pair_view(document)
     if pair is None:
         return ""
-    return page.figure(pair_chart(pair, document), caption="Median over the seeds; the darker, the better.")
+    return page.figure(
+        pair_chart(pair, document), caption="Median over the seeds; the stronger the colour, the better."
+    )
 
 
 def _cost(document: Mapping[str, Any]) -> str:

@@ -31,14 +31,17 @@ def set_columns(document: Mapping[str, Any]) -> list[str]:
         *names,
         *together,
         key,
-        "quartiles",
-        "range",
+        *(["quartiles", "range"] if _has_spread(document) else []),
         "failed",
         "against the baseline",
         "time s",
         "x real time",
         "MB",
     ]
+
+
+def _has_spread(document: Mapping[str, Any]) -> bool:
+    return any(one["count"] > 1 for one in document["sets"])
 
 
 def set_rows(document: Mapping[str, Any]) -> list[list[str]]:
