@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.fleet_options import fleet_options
 from slamcli.cli.options import json_option, junit_option, threshold_options, verbosity_options
 from slamcli.cli.recording_options import given_mends, recording_options
 from slamcli.cli.verdicts import Verdicts
@@ -39,6 +40,7 @@ def _normalise(token: str) -> str:
 
 
 @click.command(context_settings={"token_normalize_func": _normalise})
+@fleet_options("estimate", result="evaluation")
 @click.argument("estimate", metavar="EST")
 @click.argument("reference", metavar="REF")
 @click.option(
