@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from slamcli.outputs import atomic_file
-from slamcli.pipelines.run_record import to_json
+from slamcli.parameters import as_dict
+from slamcli.pipelines.run_record import run_document, to_json
 from slamcli.pipelines.sweep import Sweep
 from slamcli.pipelines.sweep_best import NativeText, UsedInput, native_text
 from slamcli.pipelines.sweep_document import sweep_document
@@ -38,27 +39,25 @@ def write_sweep(sweep: Sweep, log: RunLog) -> dict[str, Any]:
     _write(folder / "sweep.csv", runs_csv(document))
     _write(folder / "sweep.md", sweep_markdown(document))
     _write(folder / "report.html", sweep_page(document))
-    _write(folder / "run.json", to_json(_run_record(document)))
+    _write(folder / "run.json", to_json(_run_record(sweep, document, log)))
     return document
 
 
-def _run_record(document: dict[str, Any]) -> dict[str, Any]:
+def _run_record(sweep: Sweep, document: dict[str, Any], log: RunLog) -> dict[str, Any]:
     """Return what was run on what; the figures stand in ``sweep.json``."""
-    kept = (
-        "slamcli",
-        "command",
-        "algo",
-        "seeds",
-        "recordings",
-        "config_files",
-        "fixed",
-        "warnings",
-        "notes",
-        "outputs",
-        "timing",
-        "peak_memory_bytes",
-    )
-    return {"schema": "slamcli.run.1", **{key: document[key] for key in kept}}
+    base = as_dict(sweep.baseline.parameters)
+    best = document["best"]
+    return run_document(
+        command=document["command"], algo=document["algo"], parameters=base, changed={name: base[name] for name in sweep.fixed},
+        seed=sweep.request.first_seed, jobs=sweep.request.jobs,
+        inputs=[one for recording in document["recordings"] for one in recording["inputs"]], topics={}, frames={}, log=log,
+        total_s=sum(log.seconds.values()), duration_s=0.0,
+        summary={
+            "sets": len(document["sets"]), "runs": len(document["runs"]), "failed": sum(s["failed"] for s in document["sets"]),
+            "objective": document["objective"]["key"], "best": best["set"], "verdict": document["verdict"],
+        },
+        outputs=document["outputs"],
+    )  # fmt: skip
 
 
 def _native(sweep: Sweep) -> NativeText:

@@ -16,8 +16,8 @@ from slamcli.outputs import atomic_file
 from slamcli.pipelines.jobs import Job, JobOutcome
 from slamcli.pipelines.run_record import describe_inputs
 from slamcli.pipelines.sweep_axes import value_text
-from slamcli.pipelines.sweep_request import Subject, SweepRequest
 from slamcli.pipelines.sweep_objective import Objective, needs_no_truth
+from slamcli.pipelines.sweep_request import Subject, SweepRequest
 from slamcli.pipelines.sweep_scoring import Eyes, score_result
 from slamcli.pipelines.sweep_sets import ParameterSet
 from slamcli.pipelines.trajectories import parse_source
