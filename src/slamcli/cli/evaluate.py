@@ -195,6 +195,7 @@ def command(
     """  # noqa: D301 - click needs the backspace itself
     from slamcli.pipelines.evaluation_outputs import write_outputs
     from slamcli.pipelines.evaluation_request import Request, run_request
+    from slamcli.pipelines.schemas import stamped
     from slamcli.reports.evaluation_tables import evaluation_text
     from slamcli.runtime import RunLog
 
@@ -216,7 +217,7 @@ def command(
         )
         score = run_request(request, log)
         verdicts.judge(score.figures())
-        document = {"estimate": estimate, "reference": reference} | score.as_dict()
+        document = stamped("evaluate", {"estimate": estimate, "reference": reference} | score.as_dict())
         document["warnings"] = log.warnings
         document["thresholds"] = verdicts.as_dicts()
         write_outputs(request, score, document, log, plot=plot, output=output)

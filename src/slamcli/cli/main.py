@@ -34,6 +34,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map-tools": ("map_tools", "Inspect, convert, crop and compare saved maps."),
     "vocabulary": ("vocabulary", "Train and inspect vocabularies of visual words."),
     "config": ("config", "Show resolved parameters; check native configuration files."),
+    "schema": ("schema", "The JSON Schemas of run.json and --json documents; checks a document."),
     "warmup": ("warmup", "Compile all kernels beforehand (for images and CI)."),
 }
 
