@@ -16,6 +16,7 @@ from slamcli.pipelines.job_process import JobOutcome
 from slamcli.pipelines.remote_files import plain_url
 from slamcli.pipelines.sources import Source
 from slamcli.reports.fleet_report import fleet_markdown, fleet_page
+from slamcli.reports.junit import JunitCase, junit_xml
 from slamcli.runtime import RunLog
 
 _STATES = ("done", "missed", "failed")
@@ -58,6 +59,20 @@ def write_summary(output: Path, document: Mapping[str, Any]) -> None:
             stream.write(content)
     with atomic_file(output / "summary.csv") as stream:
         _write_csv(stream, document["runs"])
+
+
+def junit_of(document: Mapping[str, Any]) -> str:
+    """Return the summary as JUnit XML: a test case per input, a failure for a missed threshold, an error for a failed run."""
+    cases = [
+        JunitCase(
+            name=row["name"], classname=f"slamcli.{document['command']}", seconds=row["timing"]["wall_s"],
+            failure=row["message"] if row["state"] == "missed" else None,
+            error=row["message"] if row["state"] == "failed" else None,
+            output="\n".join(f"{key} = {value:.9g}" for key, value in row["figures"].items()),
+        )
+        for row in document["runs"]
+    ]  # fmt: skip
+    return junit_xml(f"slamcli {document['command']}", cases, {"slamcli": __version__})
 
 
 def _row(source: Source, outcome: JobOutcome, output: Path) -> dict[str, Any]:
