@@ -2,9 +2,8 @@
 """The commands of a tutorial, and what it says they print.
 
 A page holds fenced blocks. `sh` and `python` are run in their order in one folder; `text` right behind one of them is what it
-prints, in part: each line must come in the output in this order, with other lines between them. In a line, `…` stands for
-anything, blanks for any number of blanks, and a number for one that is near it (`NEAR`). `console` is for the reader alone: what needs a
-keyboard or does not end.
+prints, in part: each line must come in the output in this order, with other lines between them. In a line, the word `…` stands for
+any words, and a number for one that is near it. `console` is for the reader alone: what needs a keyboard or does not end.
 """
 
 from __future__ import annotations
@@ -60,21 +59,22 @@ def missing(shown: tuple[str, ...], printed: str) -> str | None:
 
 
 def _says(shown: str, printed: str) -> bool:
-    shown = shown.strip()
-    parts = []
-    numbers = []
-    at = 0
-    for match in _NUMBER.finditer(shown):
-        parts += [_literal(shown[at : match.start()]), r"(-?\d+(?:\.\d+)?)"]
-        numbers.append(match[0])
-        at = match.end()
-    pattern = "".join([*parts, _literal(shown[at:])])
-    match = re.search(rf"^\s*{pattern}\s*$", printed)
+    return _words_say(shown.split(), printed.split())
+
+
+def _words_say(shown: list[str], printed: list[str]) -> bool:
+    if not shown:
+        return not printed
+    if shown[0] == "…":
+        return any(_words_say(shown[1:], printed[skipped:]) for skipped in range(len(printed) + 1))
+    return bool(printed) and _word_says(shown[0], printed[0]) and _words_say(shown[1:], printed[1:])
+
+
+def _word_says(shown: str, printed: str) -> bool:
+    numbers = _NUMBER.findall(shown)
+    pattern = r"(-?\d+(?:\.\d+)?)".join(map(re.escape, _NUMBER.split(shown)))
+    match = re.fullmatch(pattern, printed)
     return match is not None and all(_near(a, float(b)) for a, b in zip(numbers, match.groups(), strict=True))
-
-
-def _literal(text: str) -> str:
-    return re.sub(r"(?:\\? )+", r"\\s+", re.escape(text)).replace("…", ".*")
 
 
 def _near(shown: str, printed: float) -> bool:
