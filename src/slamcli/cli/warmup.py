@@ -16,8 +16,11 @@ from slamcli.cli.options import json_option, verbosity_options
 ROOMS = (
     "cartographer.projection_3d",
     "cartographer.sweep_3d",
+    "evaluation.neighbourhoods",
+    "evaluation.redrawn_map",
     "grids.depth_projection",
     "grids.distance",
+    "grids.first_seen",
     "grids.ground",
     "grids.hybrid_blocks",
     "grids.probability_grid",
