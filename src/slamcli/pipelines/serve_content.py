@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from slamcli.geometry import quaternion
 from slamcli.pipelines.replay import Replay
+from slamcli.pipelines.replay_tracks import ReplayImage
 from slamcli.reports.figures.track import choose_axes
 from slamcli.reports.step_charts import series
 from slamcli.trajectory import Trajectory
@@ -133,7 +134,9 @@ def _told(replay: Replay) -> list[str]:
     return [part for part in parts if part]
 
 
-def _add_map(replay: Replay, shift: NDArray[np.float64], facts: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+def _add_map(
+    replay: Replay, shift: NDArray[np.float64], facts: dict[str, Any], arrays: dict[str, NDArray[Any]]
+) -> None:
     grid = replay.grid
     if grid is None:
         return
@@ -240,7 +243,8 @@ def _add_images(
         return ()
     every = 1 if most is None else max(1, -(-len(replay.images) // most))
     topics = list(dict.fromkeys(image.topic for image in replay.images))
-    chosen, entries = [], []
+    chosen: list[ReplayImage] = []
+    entries = []
     for topic in topics:
         of_topic = [image for image in replay.images if image.topic == topic][::every]
         entries.append({"topic": topic, "first": len(chosen), "count": len(of_topic)})

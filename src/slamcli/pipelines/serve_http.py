@@ -148,7 +148,6 @@ class PlayerServer(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     server: PlayerServer
-    server_version, sys_version = "slamcli", ""
     protocol_version = "HTTP/1.1"
     timeout = _IDLE_S
 
@@ -159,6 +158,17 @@ class _Handler(BaseHTTPRequestHandler):
     def do_HEAD(self) -> None:
         """Answer with its headers."""
         self._answer(with_body=False)
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Answer what is no request for a page in one line; http.server's own answer is a page without a policy."""
+        del explain
+        status = HTTPStatus.METHOD_NOT_ALLOWED if code == HTTPStatus.NOT_IMPLEMENTED else HTTPStatus(code)
+        self.close_connection = True
+        self._refuse(status, message or status.phrase, with_body=True)
+
+    def version_string(self) -> str:
+        """Return the name that answers bear."""
+        return "slamcli"
 
     def _answer(self, *, with_body: bool) -> None:
         if not self.server.trusts(self.headers.get("Host")):
@@ -183,6 +193,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _refuse(self, status: HTTPStatus, reason: str, *, with_body: bool) -> None:
         headers = {"Content-Type": "text/plain; charset=utf-8"}
+        if status == HTTPStatus.METHOD_NOT_ALLOWED:
+            headers["Allow"] = "GET, HEAD"
+        if self.close_connection:
+            headers["Connection"] = "close"
         self._send(status, headers, f"{reason}\n".encode(), with_body=with_body)
 
     def _send(self, status: HTTPStatus, headers: Mapping[str, str], body: bytes, *, with_body: bool) -> None:

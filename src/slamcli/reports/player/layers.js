@@ -113,14 +113,15 @@ class TruthLayer {
     const count = countUpTo(this.times, moment.time);
     if (count < 1) return;
     pen.strokeStyle = look.truth;
-    pen.lineWidth = 1.6;
-    pen.setLineDash([6, 4]);
+    pen.lineWidth = 5;
+    pen.globalAlpha = 0.45;
     pen.beginPath();
     trace(pen, camera, this.points, 2, 0, count);
     pen.stroke();
-    pen.setLineDash([]);
+    pen.globalAlpha = 1;
+    pen.lineWidth = 1.6;
     pen.beginPath();
-    pen.arc(camera.px(this.points[2 * count - 2]), camera.py(this.points[2 * count - 1]), 4, 0, 7);
+    pen.arc(camera.px(this.points[2 * count - 2]), camera.py(this.points[2 * count - 1]), 5, 0, 7);
     pen.stroke();
   }
 }
@@ -163,7 +164,7 @@ class ParticleLayer {
       if (!(weight > 0)) continue;
       const yaw = this.poses[at + 2], c = Math.cos(yaw), s = Math.sin(yaw);
       const x = camera.px(this.poses[at] + c * dx - s * dy), y = camera.py(this.poses[at + 1] + s * dx + c * dy);
-      const radius = 1.2 + 2.8 * Math.sqrt(weight / most);
+      const radius = 0.9 + 2.3 * Math.sqrt(weight / most);
       pen.globalAlpha = 0.8;
       pen.beginPath();
       pen.arc(x, y, radius, 0, 7);

@@ -48,12 +48,12 @@ class Player {
       if (kinds.has(0)) add("Edges", "edge", new EdgeLayer(arrays, 0), false);
       if (kinds.has(1)) add("Loop edges", "closure", new EdgeLayer(arrays, 1));
     }
-    add("Trajectory", "time", new PathLayer(facts, arrays));
     if (arrays.truth) add("Ground truth", "truth", new TruthLayer(arrays));
+    add("Trajectory", "time", new PathLayer(facts, arrays));
     if (arrays.node) add("Nodes", "node", new NodeLayer(arrays), false);
     if (arrays.scan_time) add("Scan", "scan", new ScanLayer(facts, arrays));
-    if (arrays.particle) add("Particles", "particle", new ParticleLayer(facts, arrays));
     add("Robot", "robot", new RobotLayer());
+    if (arrays.particle) add("Particles", "particle", new ParticleLayer(facts, arrays));
     return all;
   }
 
@@ -104,7 +104,6 @@ class Player {
   }
 
   told() {
-    $("play").textContent = this.playing ? "❚❚" : "▶";
     $("play").setAttribute("aria-label", this.playing ? "pause" : "play");
     this.stale = true;
   }
