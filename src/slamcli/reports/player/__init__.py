@@ -23,7 +23,7 @@ _HEAD = (
     '<meta name="viewport" content="width=device-width,initial-scale=1"><link rel="icon" href="data:,">'
 )
 
-__all__ = ["little_endian", "packed", "player_page", "player_script", "player_style", "standalone_page"]
+__all__ = ["little_endian", "player_page", "player_script", "player_style", "standalone_page"]
 
 
 @functools.cache
@@ -61,7 +61,7 @@ def standalone_page(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
     style, script = player_style(), player_script()
     policy = f"default-src 'none';img-src data:;style-src '{_digest(style)}';script-src '{_digest(script)}'"
     blocks = [_block("replay", "application/json", json.dumps(facts, separators=(",", ":")).replace("<", "\\u003c"))]
-    blocks += [_block(name, "text/plain", base64.b64encode(packed(array)).decode()) for name, array in arrays.items()]
+    blocks += [_block(name, "text/plain", base64.b64encode(_packed(array)).decode()) for name, array in arrays.items()]
     blocks += [
         _block(f"image-{number}", "text/plain", base64.b64encode(image).decode()) for number, image in enumerate(images)
     ]
@@ -72,7 +72,7 @@ def standalone_page(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
     )
 
 
-def packed(array: NDArray[Any]) -> bytes:
+def _packed(array: NDArray[Any]) -> bytes:
     """Return the little-endian bytes of an array, compressed; the same array gives the same bytes."""
     return gzip.compress(little_endian(array), compresslevel=6, mtime=0)
 
