@@ -61,9 +61,12 @@ def fleet_options(argument: str = "bag", *, result: str, own_jobs: bool = False)
             ours = {name: arguments.pop(name) for name in _OURS}
             ours["max_memory"] = None if ours["max_memory"] is None else parse_size(ours["max_memory"], "--max-memory")
             words = _inputs(click.get_current_context(), argument)
-            if _are_many(words, argument, each=ours["each"]):
+            if arguments.get("together") and ours["each"]:
+                raise UsageError("--together ranks over all recordings, --each does every one by itself: choose one")
+            if not arguments.get("together") and _are_many(words, argument, each=ours["each"]):
                 return _run(argument, result, own_jobs, words, arguments, ours)
             if own_jobs:
+                _refuse_alone({name: ours[name] for name in ("fresh", "keep_inputs")})
                 names = {"workers": "workers", "scheduler": "scheduler", "max_memory": "memory_limit_bytes"}
                 return function(**arguments, **{names[name]: ours[name] for name in names})
             _refuse_alone(ours)
@@ -106,7 +109,7 @@ def _kind(argument: str) -> Any:
 
 
 def _refuse_alone(ours: dict[str, Any]) -> None:
-    given = next((name for name in _OURS if ours[name]), None)
+    given = next((name for name in ours if ours[name]), None)
     if given is not None:
         raise UsageError(f"--{given.replace('_', '-')} is for many inputs: say --each if every input is one of its own")
 
