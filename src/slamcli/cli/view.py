@@ -17,7 +17,7 @@ from slamcli.cli.recording_options import recording_options
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
-    help="Where the picture goes (.png), or a result as an .mcap for Foxglove. Default: view.png in a result folder, else NAME-view.png beside the source.",
+    help="Where the picture goes (.png), or a result as a recording for Foxglove and RViz (.mcap, .bag, a folder). Default: view.png in a result folder, else NAME-view.png beside the source.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), metavar="FILE",
@@ -40,6 +40,10 @@ from slamcli.cli.recording_options import recording_options
     "--scans", type=click.IntRange(0, 100_000), default=200, show_default=True,
     help="Recordings: draw so many scans, spread evenly, where odometry says the robot was.",
 )  # fmt: skip
+@click.option(
+    "--recording", "recording", multiple=True, type=click.Path(path_type=Path), metavar="BAG",
+    help="Results: what it was made of, where it does not lie beside the result or here.",
+)  # fmt: skip
 @click.option("--open", "open_it", is_flag=True, help="Show the picture with the desktop's viewer.")
 @recording_options
 @json_option
@@ -54,6 +58,7 @@ def command(
     start_s: float | None,
     duration_s: float | None,
     scans: int,
+    recording: tuple[Path, ...],
     mends: Any,
     open_it: bool,
     as_json: bool,
@@ -88,6 +93,7 @@ def command(
             duration_s=duration_s,
             scans=scans,
             mends=mends,
+            recording=recording,
         )
         seen = view(list(sources), output, options, log)
         console.tell(log)
