@@ -97,6 +97,8 @@ def view(
         return Viewed(kind=kind, output=output, facts=_write_recording(sources, kind, output, options, log))
     if suffix != ".png":
         raise UsageError(f"{output}: pictures are written as .png, results also as .mcap or .bag")
+    if options.recording:
+        raise UsageError("--recording is for what plays: --serve, --export, and -o FILE.mcap or .bag of a result")
     if kind == "recording":
         from slamcli.pipelines.view_recording import draw_recording
 

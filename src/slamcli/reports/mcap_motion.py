@@ -107,7 +107,8 @@ def particles(replay: Replay, clock: Clock) -> Iterator[Entry]:
         return
     order = np.argsort(track.stamps_ns, kind="stable")
     for i in order[:: max(1, math.ceil(len(order) / _MOST_STEPS))].tolist():
-        shown = track.poses[i, :: max(1, math.ceil(track.poses.shape[1] / _MOST_PARTICLES))].astype(np.float64)
+        there = track.poses[i, np.isfinite(track.poses[i]).all(axis=1)]
+        shown = there[:: max(1, math.ceil(len(there) / _MOST_PARTICLES))].astype(np.float64)
         stamp = max(clock.begin_ns, int(track.stamps_ns[i]))
         cloud = StampedPoses(
             stamp_ns=stamp, frame_id=replay.trajectory.frame_id, quats_xyzw=quaternion.from_yaw(shown[:, 2]),
