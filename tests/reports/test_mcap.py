@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from slamcli.reports.mcap import write_replay
 from slamcli.reports.mcap_clock import moments
 from slamcli.trajectory import Trajectory
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "pipelines"))
+sys.path.append(str(Path(__file__).parents[1] / "pipelines"))
 import small_result as small
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_data"
@@ -170,14 +169,8 @@ def test_a_cloud_grows_with_the_map_below_it(result, tmp_path):
 
 def test_images_come_with_their_calibration_at_their_keyframes(tmp_path):
     source = SAMPLES / "desk_rgbd.mcap"
-    folder = tmp_path / "desk"
-    folder.mkdir()
-    stamps = 1_700_000_000_000_000_000 + np.arange(31) * 100_000_000
-    poses = np.column_stack([np.linspace(0, 1, 31), np.zeros(31), np.zeros(31)])
-    write_tum(folder / "trajectory.tum", Trajectory.from_se2(stamps, poses, "map", "body"))
-    write_tum(folder / "keyframes.tum", Trajectory.from_se2(stamps[::10], poses[::10], "map", "body"))
-    run = {"algo": "orbslam3", "topics": {"rgb": "/camera/color/image_raw/compressed"}, "frames": {"base": "body"}}
-    (folder / "run.json").write_text(json.dumps(run), encoding="utf-8")
+    stamps = small.START_NS + np.arange(31) * 100_000_000
+    folder = small.write_images_result(tmp_path / "desk", {})
     replay = load_replay(folder, recording=[source])
     assert [image.stamp_ns for image in replay.images] == stamps[::10].tolist()
     assert [image.pose_index for image in replay.images] == [0, 10, 20, 30]

@@ -83,7 +83,7 @@ def command(
     slamcli view map.yaml -o map.png            any map that map_server reads
     slamcli view state.pbstream                 map and trajectory of a state of Cartographer
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
-    slamcli view intel -o intel.mcap            map, path, poses and tf for Foxglove and RViz
+    slamcli view intel -o intel.mcap            the run as it went, for Foxglove and RViz
     slamcli view intel --serve                  plays it in the browser
     slamcli view drive.bag                      topics over time, odometry and scans
 
