@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.fleet_options import fleet_options
 from slamcli.cli.options import json_option, junit_option, threshold_options, verbosity_options
 from slamcli.cli.recording_options import given_mends, recording_options
 from slamcli.cli.verdicts import Verdicts
@@ -39,6 +40,7 @@ def _normalise(token: str) -> str:
 
 
 @click.command(context_settings={"token_normalize_func": _normalise})
+@fleet_options("estimate", result="evaluation")
 @click.argument("estimate", metavar="EST")
 @click.argument("reference", metavar="REF")
 @click.option(
@@ -193,6 +195,7 @@ def command(
     """  # noqa: D301 - click needs the backspace itself
     from slamcli.pipelines.evaluation_outputs import write_outputs
     from slamcli.pipelines.evaluation_request import Request, run_request
+    from slamcli.pipelines.schemas import stamped
     from slamcli.reports.evaluation_tables import evaluation_text
     from slamcli.runtime import RunLog
 
@@ -214,7 +217,7 @@ def command(
         )
         score = run_request(request, log)
         verdicts.judge(score.figures())
-        document = {"estimate": estimate, "reference": reference} | score.as_dict()
+        document = stamped("evaluate", {"estimate": estimate, "reference": reference} | score.as_dict())
         document["warnings"] = log.warnings
         document["thresholds"] = verdicts.as_dicts()
         write_outputs(request, score, document, log, plot=plot, output=output)

@@ -106,7 +106,7 @@ def command(
         )  # fmt: skip
         console.tell(log)
     if as_json:
-        print_json(_document(made))
+        print_json(_document(made), "generate")
     else:
         written = [str(p) for p in (made.path, made.truth, made.map) if p is not None]
         told = [f"{made.messages[topic]} {what}" for topic, what in _SENSORS.items() if topic in made.messages]

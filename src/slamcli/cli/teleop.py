@@ -91,7 +91,7 @@ def command(
             with contextlib.suppress(OSError):  # a terminal that has gone: the drive is saved, nobody listens
                 console.tell(log)
         if as_json:
-            print_json(_document(teleop.driven))
+            print_json(_document(teleop.driven), "teleop")
         else:
             with contextlib.suppress(OSError):
                 console.say(_told(teleop.driven))

@@ -93,7 +93,7 @@ def command(
         console.tell(log)
         if as_json:
             document = {"kind": seen.kind, "output": str(seen.output), **seen.facts}
-            print_json({**document, "notes": log.notes, "warnings": log.warnings})
+            print_json({**document, "notes": log.notes, "warnings": log.warnings}, "view")
         else:
             click.echo(str(seen.output))
         if open_it and not _show(seen.output):
