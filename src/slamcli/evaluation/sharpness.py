@@ -26,6 +26,8 @@ _FEWEST = 6
 _LEAST_VARIANCE_M2 = 1e-6
 _FLAT = 0.1
 """A neighbourhood is a wall where it is so much thinner (variance) than in the next direction."""
+_PARALLEL = 0.94
+"""Cosine: two visits saw one wall if what they saw lies in the same direction, within 20 degrees."""
 _THICK = 0.25
 """The same for thickness: a double wall is thicker and still a wall."""
 
@@ -108,12 +110,14 @@ def _mean_entropy(variances: NDArray[np.float64], dimensions: int) -> float:
 
 
 def _revisit_offsets(found: Neighbourhoods, dimensions: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the offsets (R,) and of which neighbourhoods (R,) they are: those in which one visit saw a wall and others saw something."""
+    """Return the offsets (R,) and of which neighbourhoods (R,) they are: those in which one visit and the others saw parallel walls."""
     rows = np.flatnonzero((found.own[:, 0] >= _FEWEST) & (found.others[:, 0] >= _FEWEST))
     own_mean, own = covariances(found.own[rows])
-    other_mean, _ = covariances(found.others[rows])
+    other_mean, others = covariances(found.others[rows])
     variances, directions = np.linalg.eigh(own[:, :dimensions, :dimensions])
-    wall = variances[:, 0] < _FLAT * variances[:, 1]
+    spread, turned = np.linalg.eigh(others[:, :dimensions, :dimensions])
+    parallel = np.abs(np.einsum("ni,ni->n", directions[:, :, 0], turned[:, :, 0])) > _PARALLEL
+    wall = (variances[:, 0] < _FLAT * variances[:, 1]) & (spread[:, 0] < _FLAT * spread[:, 1]) & parallel
     between = (other_mean - own_mean)[:, :dimensions]
     across = np.abs(np.einsum("ni,ni->n", directions[:, :, 0], between))
     return across[wall], rows[wall]
