@@ -18,6 +18,7 @@ from slamcli.cli.quantities import parse_size
 from slamcli.errors import UsageError
 
 _INTERRUPTED = 130
+_NAME = "{name}"
 
 _OPTIONS = (
     click.option(
@@ -35,7 +36,7 @@ _OPTIONS = (
 )  # fmt: skip
 _OURS = ("each", "workers", "scheduler", "max_memory", "fresh", "keep_inputs")
 _NOT_PASSED_ON = (*_OURS, "output", "as_json", "verbosity")
-_OWN_FILES = ("save_state", "plot", "database", "junit")
+_OWN_FILES = ("save_state", "plot", "database")
 """Options that name a file which a run writes: one per run, so `{name}` must stand in it."""
 
 
@@ -60,9 +61,12 @@ def fleet_options(argument: str = "bag", *, result: str, own_jobs: bool = False)
             ours = {name: arguments.pop(name) for name in _OURS}
             ours["max_memory"] = None if ours["max_memory"] is None else parse_size(ours["max_memory"], "--max-memory")
             words = _inputs(click.get_current_context(), argument)
-            if _are_many(words, argument, each=ours["each"]):
+            if arguments.get("together") and ours["each"]:
+                raise UsageError("--together ranks over all recordings, --each does every one by itself: choose one")
+            if not arguments.get("together") and _are_many(words, argument, each=ours["each"]):
                 return _run(argument, result, own_jobs, words, arguments, ours)
             if own_jobs:
+                _refuse_alone({name: ours[name] for name in ("fresh", "keep_inputs")})
                 names = {"workers": "workers", "scheduler": "scheduler", "max_memory": "memory_limit_bytes"}
                 return function(**arguments, **{names[name]: ours[name] for name in names})
             _refuse_alone(ours)
@@ -105,7 +109,7 @@ def _kind(argument: str) -> Any:
 
 
 def _refuse_alone(ours: dict[str, Any]) -> None:
-    given = next((name for name in _OURS if ours[name]), None)
+    given = next((name for name in ours if ours[name]), None)
     if given is not None:
         raise UsageError(f"--{given.replace('_', '-')} is for many inputs: say --each if every input is one of its own")
 
@@ -126,11 +130,12 @@ def _run(
         for name in ("jobs", "workers") if own_jobs else ("jobs",):
             if not _is_given(context, name):
                 options += [f"--{name}", "1"]
+        junit: Path | None = arguments.get("junit")
         request = FleetRequest(
             command=context.info_name or "", sources=sources, words=options, after=others,
             output=Path(arguments.get("output") or _default_output(words[0], result)), workers=ours["workers"] or 0,
             scheduler=ours["scheduler"], memory_limit_bytes=ours["max_memory"], fresh=ours["fresh"],
-            keep_inputs=ours["keep_inputs"],
+            keep_inputs=ours["keep_inputs"], junit=junit if junit is not None and _NAME not in str(junit) else None,
         )  # fmt: skip
         from slamcli.cli.fleet_progress import FleetProgress
 
@@ -174,10 +179,12 @@ def given_words(context: click.Context, argument: str) -> tuple[list[str], list[
         if not isinstance(parameter, click.Option) or name in _NOT_PASSED_ON:
             continue
         raw = values[name]
+        if name == "junit" and _NAME not in str(raw):
+            continue  # one file for all of them: a case per input
         if parameter.multiple:
             raw = raw[taken.setdefault(name, 0)]
             taken[name] += 1
-        if name in _OWN_FILES and "{name}" not in str(raw):
+        if name in _OWN_FILES and _NAME not in str(raw):
             raise UsageError(f"{parameter.opts[-1]} {raw}: every run would write this file: put {{name}} into its name")
         options += _words_of(parameter, raw)
     others = [

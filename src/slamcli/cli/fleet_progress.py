@@ -22,7 +22,7 @@ class FleetProgress:
     def __init__(self, console: Console, total: int) -> None:
         self._console = console
         self._total = total
-        self._done = self._failed = self._reused = 0
+        self._done = self._missed = self._failed = self._reused = 0
         self._began = time.monotonic()
         self._shows = console.verbosity >= 0 and sys.stderr.isatty()
         self._draw()
@@ -32,9 +32,10 @@ class FleetProgress:
         from slamcli.pipelines.fleet_summary import reason
 
         self._done += outcome.done
-        self._failed += not outcome.done
+        self._missed += outcome.missed
+        self._failed += not (outcome.done or outcome.missed)
         self._reused += outcome.reused
-        ended = self._done + self._failed
+        ended = self._done + self._missed + self._failed
         if not outcome.done:
             how = "missed a threshold" if outcome.missed else "failed"
             self._clear()
@@ -47,7 +48,7 @@ class FleetProgress:
     def interrupted(self) -> None:
         """Say where it stopped."""
         self._clear()
-        ended = self._done + self._failed
+        ended = self._done + self._missed + self._failed
         self._console.warn(f"interrupted: {ended} of {self._total} ended; the same command goes on from there")
 
     def ended(self, output: Path) -> None:
@@ -55,15 +56,16 @@ class FleetProgress:
         self._clear()
         parts = [f"{self._done} of {self._total} done"]
         parts += [f"{self._reused} of them before"] if self._reused else []
+        parts += [f"{self._missed} missed a threshold"] if self._missed else []
         parts += [f"{self._failed} failed"] if self._failed else []
         self._console.say(f"{output}: {', '.join(parts)}, {time.monotonic() - self._began:.1f} s")
 
     def _draw(self) -> None:
         if not self._shows:
             return
-        ended = self._done + self._failed
+        ended = self._done + self._missed + self._failed
         ran, left = ended - self._reused, self._total - ended
-        line = f"{self._done} done  {self._failed} failed  {left} left"
+        line = f"{self._done} done  {self._missed + self._failed} failed  {left} left"
         if ran and left:
             line += f"  {_time_text((time.monotonic() - self._began) / ran * left)} to go"
         click.echo(f"\r\x1b[K{line}", nl=False, err=True)

@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "doctor": ("doctor", "What is wrong with a recording, and the option that mends it."),
     "convert": ("convert", "Convert recordings and classic logs between formats."),
     "map": ("map", "Build a map and a trajectory from a recording."),
+    "sweep": ("sweep", "Try many values of native parameters on a recording, and rank them."),
     "evaluate": ("evaluate", "Score a trajectory or a map against ground truth."),
     "compare": ("compare", "Run several SLAM systems on one recording, side by side."),
     "localize": ("localize", "Localise a recording on a known map (AMCL)."),

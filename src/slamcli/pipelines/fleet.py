@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from slamcli.errors import UsageError
-from slamcli.outputs import check_directory
-from slamcli.pipelines.fleet_summary import summarise, write_summary
+from slamcli.outputs import atomic_file, check_directory, check_file
+from slamcli.pipelines.fleet_summary import junit_of, summarise, write_summary
 from slamcli.pipelines.job_process import size_text
 from slamcli.pipelines.jobs import Job, JobOutcome, run_jobs
 from slamcli.pipelines.process_tree import can_be_measured, physical_memory_bytes
@@ -44,6 +44,8 @@ class FleetRequest:
     fresh: bool = False
     keep_inputs: bool = False
     """Whether what was fetched stays in the cache."""
+    junit: Path | None = None
+    """Where the summary goes as JUnit XML, besides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +79,8 @@ def run_fleet(request: FleetRequest, log: RunLog, told: Callable[[JobOutcome], N
     """
     began = time.perf_counter()
     check_directory(request.output)
-    workers = request.workers or os.cpu_count() or 1
+    if request.junit is not None:
+        check_file(request.junit)
     limit = request.memory_limit_bytes
     if limit is not None and limit < _LEAST_MEMORY_BYTES:
         raise UsageError(
@@ -88,15 +91,19 @@ def run_fleet(request: FleetRequest, log: RunLog, told: Callable[[JobOutcome], N
             log.warn(
                 "memory is not watched: this system tells of other processes only through psutil, which is missing"
             )
-        limit = limit or physical_memory_bytes() // workers
+        limit = limit or physical_memory_bytes() // (request.workers or os.cpu_count() or 1)
     jobs = [job_of(source, request) for source in request.sources]
     outcomes = run_jobs(
-        jobs, workers=workers, records=request.output / "jobs", told=told, memory_limit_bytes=limit,
+        jobs, workers=request.workers, records=request.output / "jobs", told=told, memory_limit_bytes=limit,
         scheduler=request.scheduler, fresh=request.fresh, keep_stdout=False,
     )  # fmt: skip
     document = summarise(request.command, request.words, request.sources, outcomes, request.output, log)
-    document["timing"] = {"total_s": round(time.perf_counter() - began, 3), "workers": workers}
-    write_summary(request.output, document)
+    total_s = time.perf_counter() - began
+    document["timing"] = {"total_s": round(total_s, 3), "workers": request.workers or None}
+    write_summary(request.output, document, log, total_s)
+    if request.junit is not None:
+        with atomic_file(request.junit) as stream:
+            stream.write(junit_of(document))
     return FleetOutcome(output=request.output, document=document)
 
 

@@ -11,9 +11,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO
 
 from slamcli.errors import InputError, SlamcliError
@@ -85,7 +86,11 @@ class JobsStopped(BaseException):
 
 
 def run_job(
-    job: Job, *, memory_limit_bytes: int | None = None, is_stopped: Callable[[], bool] = lambda: False
+    job: Job,
+    *,
+    memory_limit_bytes: int | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
+    changes: Mapping[str, str | None] = MappingProxyType({}),
 ) -> JobOutcome:
     """Run one job in a process of its own and wait for it.
 
@@ -96,6 +101,8 @@ def run_job(
         second. None: unlimited, as it is where the system does not tell (see `can_be_measured`).
     is_stopped
         Is asked ten times a second: once it says True, the job is interrupted, and killed if it has not ended five seconds later.
+    changes
+        Variables of its environment that are not as here; None for one that it lacks.
 
     Raises
     ------
@@ -110,7 +117,12 @@ def run_job(
             raise JobsStopped from error
         except SlamcliError as error:
             return _never_began(job, str(error), 2 if isinstance(error, InputError) else 1)
-        return _run(job, memory_limit_bytes, is_stopped, began)
+        environment = {**os.environ, **changes}
+        known = {name: value for name, value in environment.items() if value is not None}
+        try:
+            return _run(job, known, _Watch(memory_limit_bytes, is_stopped), began)
+        except OSError as error:
+            return _never_began(job, f"it could not be started: {error}", 1)
 
 
 def _never_began(job: Job, message: str, exit_code: int) -> JobOutcome:
@@ -119,16 +131,15 @@ def _never_began(job: Job, message: str, exit_code: int) -> JobOutcome:
     )
 
 
-def _run(job: Job, memory_limit_bytes: int | None, is_stopped: Callable[[], bool], began: float) -> JobOutcome:
+def _run(job: Job, environment: Mapping[str, str], watch: _Watch, began: float) -> JobOutcome:
     there = _mark(job.output)
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, _lifeline() as (end, environment):
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, _lifeline() as end:
         process = subprocess.Popen(
             [sys.executable, "-m", "slamcli", *job.arguments], stdin=subprocess.DEVNULL, stdout=out, stderr=err,
-            cwd=job.folder, env=environment, pass_fds=(end,), start_new_session=True,
+            cwd=job.folder, env={**environment, LIFELINE: str(end)}, pass_fds=(end,), start_new_session=True,
         )  # fmt: skip
-        watch = _Watch(process.pid, memory_limit_bytes, is_stopped)
         try:
-            status, usage = watch.wait()
+            status, usage = watch.wait(process.pid)
         except BaseException:
             end_tree(process.pid)
             process.wait()
@@ -149,42 +160,41 @@ def _run(job: Job, memory_limit_bytes: int | None, is_stopped: Callable[[], bool
 class _Watch:
     """Waits for a process, and ends it where it must end."""
 
-    def __init__(self, process: int, limit_bytes: int | None, is_stopped: Callable[[], bool]) -> None:
-        self._process = process
+    def __init__(self, limit_bytes: int | None, is_stopped: Callable[[], bool]) -> None:
         self._limit_bytes = limit_bytes if can_be_measured() else None
         self._is_stopped = is_stopped
         self.reason = ""
         self.stopped = False
 
-    def wait(self) -> tuple[int, resource.struct_rusage]:
+    def wait(self, process: int) -> tuple[int, resource.struct_rusage]:
         began, asked = time.monotonic(), 0.0
         while True:
-            found, status, usage = os.wait4(self._process, os.WNOHANG)
+            found, status, usage = os.wait4(process, os.WNOHANG)
             if found:
                 return status, usage
             now = time.monotonic()
             if not self.stopped and self._is_stopped():
                 self.stopped, asked = True, now
                 with contextlib.suppress(OSError):
-                    os.killpg(self._process, signal.SIGINT)
+                    os.killpg(process, signal.SIGINT)
             if self.stopped and now - asked > _GRACE_S:
-                end_tree(self._process)
+                end_tree(process)
             if self._limit_bytes is not None and not self.reason:
-                self._look_at_memory(self._limit_bytes)
+                self._look_at_memory(process, self._limit_bytes)
             time.sleep(min(_LONGEST_NAP_S, max(0.002, (now - began) / 20)))
 
-    def _look_at_memory(self, limit_bytes: int) -> None:
-        if tree_memory_bytes(self._process) > limit_bytes:
-            end_tree(self._process)
+    def _look_at_memory(self, process: int, limit_bytes: int) -> None:
+        if tree_memory_bytes(process) > limit_bytes:
+            end_tree(process)
             self.reason = f"needed more than {size_text(limit_bytes)} of memory (--max-memory)"
 
 
 @contextlib.contextmanager
-def _lifeline() -> Iterator[tuple[int, dict[str, str]]]:
+def _lifeline() -> Iterator[int]:
     """Give a pipe's end to hand to a process, which ends itself once this process has gone (`slamcli.runtime.hold_lifeline`)."""
     theirs, ours = os.pipe()
     try:
-        yield theirs, {**os.environ, LIFELINE: str(theirs)}
+        yield theirs
     finally:
         os.close(theirs)
         os.close(ours)

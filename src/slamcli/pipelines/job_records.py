@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import json
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from slamcli import __version__
+from slamcli.errors import SlamcliError
 from slamcli.outputs import atomic_file
 from slamcli.pipelines.job_process import Job, JobOutcome
 from slamcli.pipelines.remote_files import fingerprint, plain_url
@@ -63,34 +65,49 @@ class JobRecords:
 
 def _key(job: Job) -> str:
     """Return what must be the same for a job to be the same, besides the content of its inputs."""
-    return hashlib.sha256("\0".join([__version__, *job.arguments]).encode()).hexdigest()
+    addresses = (plain_url(url) for url, _ in job.remote)
+    return hashlib.sha256("\0".join([__version__, *job.arguments, *addresses]).encode()).hexdigest()
 
 
 def _signature(job: Job) -> Signature:
-    return [*_stats(job.inputs), *([plain_url(url), fingerprint(url)] for url, _ in job.remote)]
+    return [*_stats(job.inputs), *([plain_url(url), _fingerprint(url)] for url, _ in job.remote)]
 
 
 def _stats(inputs: Sequence[Path]) -> Signature:
-    files = (file for path in inputs for file in _files(path))
-    return [[str(file), stat.st_size, stat.st_mtime_ns] for file in files if (stat := file.stat())]
+    found: Signature = []
+    for file in (file for path in inputs for file in _files(path)):
+        with contextlib.suppress(OSError):  # it has just gone
+            stat = file.stat()
+            found.append([str(file), stat.st_size, stat.st_mtime_ns])
+    return found
 
 
 def _files(path: Path) -> Iterator[Path]:
     if path.is_dir():
         yield from sorted(p for p in path.rglob("*") if p.is_file())
-    elif path.exists():
+    else:
         yield path
 
 
 def _contents(job: Job) -> list[str]:
     return [
         *(_content(path, json.dumps(_stats([path]))) for path in job.inputs),
-        *(fingerprint(url) for url, _ in job.remote),
+        *(_fingerprint(url) for url, _ in job.remote),
     ]
 
 
+def _fingerprint(url: str) -> str:
+    try:
+        return fingerprint(url)
+    except SlamcliError as error:  # what is wrong is told when it is fetched
+        return str(error)
+
+
 @functools.lru_cache(maxsize=4096)
-def _content(path: Path, signature: str) -> str:  # noqa: ARG001 - a file that many jobs read is read once for all, until it changes
-    if not path.exists():
-        return f"{path} is not there"
-    return hashlib.sha256(json.dumps(describe_inputs([path])).encode()).hexdigest()
+def _content(path: Path, signature: str) -> str:  # noqa: ARG001 - a file that many jobs read is read once, until it changes
+    if not (path.is_file() or path.is_dir()):
+        return f"{path} is no file"
+    try:
+        return hashlib.sha256(json.dumps(describe_inputs([path])).encode()).hexdigest()
+    except OSError as error:
+        return str(error)

@@ -8,6 +8,7 @@ job its own peak memory, and ends with the job whatever happens in it.
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -48,17 +49,18 @@ def run_jobs(
     jobs
         What to run; their names differ.
     workers
-        How many at once.
+        How many at once; 0: one for each core, or as many as the cluster takes.
     records
         Folder for one small file per finished job: a job that was done, whose inputs and arguments are the same and whose output is
         still there, is not run again. None: everything runs.
     told
         Is called with each outcome as it comes, from this thread.
     memory_limit_bytes
-        Most memory of one job; one that needs more is ended, and is reported as failed. None: unlimited.
+        Most memory of one job; one that needs more is ended, and is reported as failed. None: unlimited, on a cluster the share of
+        each worker's memory that a thread of it has.
     scheduler
         Address of a Dask scheduler whose workers run the jobs; None for processes of this machine. Paths are as they are here: the
-        workers must see the same files. `workers` is then how many jobs are handed out at once.
+        workers must see the same files, and the records.
     fresh
         Run all, whatever the records say.
     keep_stdout
@@ -79,8 +81,8 @@ def run_jobs(
     known = JobRecords(records) if records is not None else None
     with (
         _endings_interrupt(),
-        _executor(scheduler, stop, memory_limit_bytes) as run,
-        ThreadPoolExecutor(max(1, workers)) as pool,
+        _executor(scheduler, stop, memory_limit_bytes, records) as (run, capacity),
+        ThreadPoolExecutor(workers or capacity) as pool,
     ):
         taken = partial(_run_or_reuse, records=known, run=run, fresh=fresh, keep_stdout=keep_stdout)
         running = [pool.submit(taken, job) for job in jobs]
@@ -109,13 +111,19 @@ def _run_or_reuse(
 
 @contextlib.contextmanager
 def _executor(
-    scheduler: str | None, stop: threading.Event, memory_limit_bytes: int | None
-) -> Iterator[Callable[[Job], JobOutcome]]:
-    """Give what runs one job and waits for it, from several threads at once."""
+    scheduler: str | None, stop: threading.Event, memory_limit_bytes: int | None, records: Path | None
+) -> Iterator[tuple[Callable[[Job], JobOutcome], int]]:
+    """Give what runs one job and waits for it, from several threads at once, and how many of them make sense."""
     if scheduler is None:
-        yield partial(run_job, memory_limit_bytes=memory_limit_bytes, is_stopped=stop.is_set)
+        run = partial(run_job, memory_limit_bytes=memory_limit_bytes, is_stopped=stop.is_set)
+        yield run, os.cpu_count() or 1
         return
-    raise UsageError("--scheduler: not yet")
+    from slamcli.pipelines.dask_jobs import dask_cluster
+
+    if records is None:
+        raise UsageError("jobs on a cluster need a folder for their records that all machines see")
+    with dask_cluster(scheduler, stop, memory_limit_bytes, records) as cluster:
+        yield cluster
 
 
 @contextlib.contextmanager

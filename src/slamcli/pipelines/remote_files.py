@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Any
 from urllib.parse import unquote, urlsplit
 
-from slamcli.errors import DependencyError, ProcessError, SlamcliError, UsageError
+from slamcli.errors import DependencyError, ProcessError, UsageError
 from slamcli.outputs import atomic_file
 
 _WEB = ("http", "https")
@@ -61,6 +61,8 @@ def list_remote(url: str) -> list[str]:
         path = url.partition("://")[2]
         if set(path) & set("*?["):
             found = sorted(map(str, files.glob(path)))
+            if "." not in PurePosixPath(path).name:  # as in a folder: what may be a recording
+                found = [name for name in found if name.lower().endswith(_BAGS) or files.isdir(name)]
         elif url.endswith("/"):
             found = _in_folder(files, path.rstrip("/"))
         else:
@@ -130,7 +132,8 @@ def _fetch(url: str, place: Path, is_stopped: Callable[[], bool]) -> None:
         scheme, path = _scheme(url), url.partition("://")[2].rstrip("/")
         if scheme in _WEB:
             with _open_web(url) as stream:
-                _copy(stream, place, is_stopped)
+                length = stream.headers.get("Content-Length", "")
+                _copy(stream, place, is_stopped, int(length) if length.isdecimal() else None)
         else:
             files = _filesystem(scheme)
             if files.isdir(path):
@@ -147,12 +150,15 @@ def _fetch(url: str, place: Path, is_stopped: Callable[[], bool]) -> None:
         stream.write(now)
 
 
-def _copy(stream: IO[bytes], place: Path, is_stopped: Callable[[], bool]) -> None:
+def _copy(stream: IO[bytes], place: Path, is_stopped: Callable[[], bool], size_bytes: int | None = None) -> None:
+    copied = 0
     with atomic_file(place, "wb") as target:
         while block := stream.read(_BLOCK_BYTES):
             if is_stopped():
                 raise InterruptedError
-            target.write(block)
+            copied += target.write(block)
+        if size_bytes not in (None, copied):  # urllib says nothing of an answer that was cut off
+            raise ProcessError(f"only {copied:,} of {size_bytes:,} bytes came")
 
 
 def _in_folder(files: Any, folder: str) -> list[str]:
@@ -207,10 +213,10 @@ def _told(url: str) -> Iterator[None]:
     """Turn whatever a store's library raises into one line."""
     try:
         yield
-    except (SlamcliError, InterruptedError):
+    except (DependencyError, UsageError, InterruptedError):
         raise
     except FileNotFoundError as error:
         raise ProcessError(f"{plain_url(url)}: nothing is there") from error
     except Exception as error:
-        reason = " ".join((str(error) or type(error).__name__).split())
+        reason = " ".join((str(error).partition("Debug source")[0] or type(error).__name__).split())
         raise ProcessError(f"{plain_url(url)}: cannot be fetched: {reason[:300]}") from error
