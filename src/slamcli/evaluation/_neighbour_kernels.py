@@ -21,7 +21,9 @@ def _find(keys, key):
 
 
 @njit(cache=True, nogil=True)
-def moments(points, looks, stamps, keys, starts, columns, queries, cells, radius, gap, side, near_sums, other_sums, nearest):
+def moments(
+    points, looks, stamps, keys, starts, columns, queries, cells, radius, gap, side, near_sums, other_sums, nearest
+):
     """Add up the neighbours of each query within `radius`: those of its own visit, and those of other visits.
 
     Parameters
