@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from slamcli.cli.camera_options import camera_options
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.fleet_options import fleet_options
 from slamcli.cli.options import (
     jobs_option,
     json_option,
@@ -30,11 +31,26 @@ if TYPE_CHECKING:
 
 
 _WANTED = ("algos", "variants", "results", "configs", "sets", "modes")
-_NO_MATTER = frozenset({"output", "junit", "as_json", "verbosity", "jobs", "workers"})
+_NO_MATTER = frozenset(
+    {
+        "output",
+        "junit",
+        "as_json",
+        "verbosity",
+        "jobs",
+        "workers",
+        "scheduler",
+        "max_memory",
+        "each",
+        "fresh",
+        "keep_inputs",
+    }
+)
 """Options that change nothing in the result."""
 
 
 @click.command()
+@fleet_options(result="compare", own_jobs=True)
 @click.argument("bag", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--algo", "algos", multiple=True, metavar="ALGO",
@@ -76,10 +92,6 @@ _NO_MATTER = frozenset({"output", "junit", "as_json", "verbosity", "jobs", "work
 @click.option("--base-frame", help="Frame of the robot.")
 @click.option("--start", "start_s", type=float, metavar="SECONDS", help="Begin this long after the recording's start.")
 @click.option("--duration", "duration_s", type=float, metavar="SECONDS", help="Use this much of the recording.")
-@click.option(
-    "--workers", type=click.IntRange(min=1), default=1, show_default=True,
-    help="Runs at once; more than one disturb each other's times.",
-)  # fmt: skip
 @camera_options
 @seed_option
 @jobs_option
@@ -97,6 +109,7 @@ def command(
     upper: tuple[str, ...],
     lower: tuple[str, ...],
     junit: Path | None,
+    workers: int | None,
     **options: Any,
 ) -> int:
     """Run several SLAM systems on the recording BAG (several files: one recording that was split), and compare what they make of it.
@@ -125,7 +138,7 @@ def command(
         context = click.get_current_context()
         request = CompareRequest(
             inputs=bag, wanted=Wanted(**{name: options.pop(name) for name in _WANTED}), mends=mends, given_mends=given_mends(context),
-            jobs=jobs or os.cpu_count() or 1, command=_command_line(context), **options,
+            jobs=jobs or os.cpu_count() or 1, workers=workers or 1, command=_command_line(context), **options,
         )  # fmt: skip
         log = RunLog(console)
         try:

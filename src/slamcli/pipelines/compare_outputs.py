@@ -3,28 +3,24 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slamcli import __version__
 from slamcli.evaluation.compare_story import medians_over_time
 from slamcli.outputs import atomic_file
 from slamcli.pipelines.compare_document import Row
 from slamcli.pipelines.compare_request import CompareRequest
 from slamcli.pipelines.compare_scores import Truth, lay_over
-from slamcli.pipelines.run_record import to_json
+from slamcli.pipelines.run_record import run_document, to_json
 from slamcli.reports.compare_page import comparison_page
 from slamcli.reports.compare_pictures import Shown, map_pictures, overlay_picture, trajectory_picture
 from slamcli.reports.compare_tables import comparison_markdown
 from slamcli.reports.svg import Series
-from slamcli.runtime import RunLog, peak_memory_bytes
+from slamcli.runtime import RunLog
 
-_LIBRARIES = ("numpy", "scipy", "numba")
 _COLOURS = (0, 1, 3, 4, 5)
 """Of the results, in their order; the page's third colour is the truth's."""
 
@@ -75,7 +71,9 @@ def write_comparison(
         "report.html": comparison_page(document, pictures, errors, residuals, against, request.command),
     }
     outputs = sorted([*texts, *(name for name, picture in pictures.items() if picture), "run.json"])
-    texts["run.json"] = to_json(_run_record(document, request, log, outputs, total_s))
+    texts["run.json"] = to_json(
+        _run_record(document, [row.compared.run for row in rows if row.compared.run], request, log, outputs, total_s)
+    )
     for name, text in texts.items():
         with atomic_file(output / name) as stream:
             stream.write(text)
@@ -98,28 +96,22 @@ def _series(rows: Sequence[Row], begin_ns: int) -> tuple[list[Series], list[Seri
 
 
 def _run_record(
-    document: Mapping[str, Any], request: CompareRequest, log: RunLog, outputs: list[str], total_s: float
+    document: Mapping[str, Any],
+    runs: Sequence[Mapping[str, Any]],
+    request: CompareRequest,
+    log: RunLog,
+    outputs: list[str],
+    total_s: float,
 ) -> dict[str, Any]:
-    return {
-        "schema": "slamcli.run.1",
-        "slamcli": __version__,
-        "command": request.command or "compare",
-        "inputs": document["inputs"],
-        "references": document["references"],
-        "results": [{"name": entry["name"], "state": entry["state"]} for entry in document["results"]],
-        "summary": {
-            f"{entry['name']}.{key}": value for entry in document["results"] for key, value in entry["figures"].items()
+    results = document["results"]
+    length_s = max((float(row["timing"].get("recording_s") or 0.0) for row in runs), default=0.0)
+    return run_document(
+        command=request.command or "slamcli compare", algo=",".join(dict.fromkeys(entry["algo"] for entry in results)),
+        parameters={
+            "references": document["references"], "start_s": request.start_s, "duration_s": request.duration_s,
+            "results": {entry["name"]: entry["state"] for entry in results},
         },
-        "seed": request.seed,
-        "counts": dict(sorted(log.counts.items())),
-        "warnings": list(log.warnings),
-        "notes": list(log.notes),
-        "versions": {"python": platform.python_version()} | {name: metadata.version(name) for name in _LIBRARIES},
-        "outputs": outputs,
-        "timing": {
-            "stages_s": {name: round(seconds, 3) for name, seconds in log.seconds.items()},
-            "total_s": round(total_s, 3),
-            "workers": request.workers,
-        },
-        "peak_memory_bytes": peak_memory_bytes(),
-    }  # fmt: skip
+        changed={}, seed=request.seed, jobs=request.jobs, inputs=document["inputs"], topics={}, frames={}, log=log, total_s=total_s,
+        duration_s=length_s,
+        summary={f"{entry['name']}.{key}": value for entry in results for key, value in entry["figures"].items()}, outputs=outputs,
+    )  # fmt: skip

@@ -74,6 +74,10 @@ class CompareRequest:
     jobs: int = 1
     workers: int = 1
     """Runs at once; more than one disturb each other's times."""
+    scheduler: str | None = None
+    """A Dask cluster to run them on."""
+    memory_limit_bytes: int | None = None
+    """A run that needs more is ended."""
     mends: Mends = field(default_factory=Mends)
     given_mends: Mapping[str, object] = field(default_factory=dict)
     """The mends as the user gave them, by option."""

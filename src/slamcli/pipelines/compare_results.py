@@ -83,9 +83,11 @@ def run_entrants(
         fit = fits.get(entrant.algo)
         if entrant.result is None and (fit is None or fit.runs):
             jobs.append(_job(request, entrant, output))
-    outcomes = {
-        outcome.name: outcome for outcome in run_jobs(jobs, workers=request.workers, records=output / "jobs", told=told)
-    }
+    ended = run_jobs(
+        jobs, workers=request.workers, records=output / "jobs", told=told, scheduler=request.scheduler,
+        memory_limit_bytes=request.memory_limit_bytes,
+    )  # fmt: skip
+    outcomes = {outcome.name: outcome for outcome in ended}
     return [_compared(entrant, output, outcomes.get(entrant.name), fits.get(entrant.algo)) for entrant in entrants]
 
 
