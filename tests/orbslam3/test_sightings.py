@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The table of observations and its lists against naive twins that read the whole table."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,7 @@ def table_of(seen, num_points=POINTS):
 def rows_of(table, points):
     offsets, keyframes, features = table.of(points)
     cells = list(zip(keyframes.tolist(), features.tolist(), strict=True))
-    return [cells[a:b] for a, b in zip(offsets, offsets[1:], strict=False)]
+    return [cells[a:b] for a, b in itertools.pairwise(offsets)]
 
 
 def check(table, seen):

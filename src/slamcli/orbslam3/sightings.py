@@ -42,7 +42,7 @@ class SightingTable:
 
     @property
     def changed(self) -> NDArray[np.bool_]:
-        """bool (P,), points that others see than when their mark was last taken away; it is to be written to."""
+        """Points (P,) that others see than when their mark was last taken away; to be written to."""
         return self._changed.values
 
     def add_keyframe(self, points: Ids) -> None:
