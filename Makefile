@@ -4,7 +4,7 @@
 BIN   := .venv/bin
 READY := .venv/ready
 
-.PHONY: demo test lint warmup lock clean
+.PHONY: demo test lint docs warmup lock clean
 
 demo: $(READY)
 	PATH="$(CURDIR)/$(BIN):$$PATH" bash .ci/demo
@@ -18,6 +18,10 @@ lint: $(READY)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# The documentation as a site, in site/ (open site/index.html). A warning is an error.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 warmup: $(READY)
 	$(BIN)/slamcli warmup
 
@@ -25,7 +29,7 @@ lock: $(READY)
 	$(BIN)/python .ci/lock.py
 
 clean:
-	rm -rf .venv demo build dist .coverage .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv demo site build dist .coverage .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 
 $(READY): requirements.lock pyproject.toml .ci/setup
 	bash .ci/setup

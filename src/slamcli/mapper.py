@@ -20,6 +20,7 @@ from slamcli.posegraph.keyframe_graph import KeyframeGraph
 from slamcli.posegraph.place_closure import PlaceClosure
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+from slamcli.trajectory.particle_track import ParticleTrack
 from slamcli.vision.pictures import KeyframeView, PlaceView
 from slamcli.vision.posed_view import DepthViews
 from slamcli.vision.visual_atlas import VisualAtlas
@@ -61,6 +62,8 @@ class MappingResult:
     """Closures that a tier with a memory of places tried, accepted or not, in their order."""
     database: Path | None = None
     """The long-term memory of a tier that keeps one (`Setup.database`), closed."""
+    particles: ParticleTrack | None = None
+    """Where the particles of a filter were over time."""
 
 
 class Mapper(Protocol):

@@ -4,12 +4,19 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import resource
+import signal
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
 from typing import Protocol
+
+LIFELINE = "SLAMCLI_LIFELINE"
+"""Environment variable with the number of a pipe's end: whoever holds the other one wants this process only while it is there."""
+_GRACE_S = 5.0
 
 
 class Progress(Protocol):
@@ -76,3 +83,20 @@ def peak_memory_bytes() -> int:
     """Return the peak resident memory of this process so far, in bytes."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
+
+
+def hold_lifeline() -> None:
+    """End this process (as Ctrl-C does, five seconds later by force) once the one that started it has gone, if it asked for that."""
+    end = os.environ.pop(LIFELINE, "")
+    if not end.isdecimal():
+        return
+
+    def wait() -> None:
+        with contextlib.suppress(OSError):
+            os.read(int(end), 1)  # nothing is ever written: it returns when the other end is closed
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(_GRACE_S)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background processes ignore it
+    threading.Thread(target=wait, name="lifeline", daemon=True).start()

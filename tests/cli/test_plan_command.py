@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from slamcli.cli.main import run
+from slamcli.errors import UsageError
 from slamcli.formats.maps import write_map
 from slamcli.formats.trajectories import read_tum
 from slamcli.grids import OccupancyGrid
@@ -267,3 +268,12 @@ def test_points_after_two_dashes(map_path: Path) -> None:
 def test_list_settings(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["plan", "--list-settings"]) == 0
     assert "inflation_layer.cost_scaling_factor=10.0" in capsys.readouterr().out
+
+
+def test_yaws_are_radians_or_say_deg():
+    from slamcli.cli.points import parse_point
+
+    assert parse_point("start", "1,-2,90deg") == pytest.approx((1.0, -2.0, 1.5707963267948966))
+    assert parse_point("start", "1,-2,-1.5") == (1.0, -2.0, -1.5)
+    with pytest.raises(UsageError, match="more than a turn; write 90deg for degrees"):
+        parse_point("start", "1,-2,90")

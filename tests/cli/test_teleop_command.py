@@ -66,7 +66,7 @@ def test_a_person_reads_one_line(tmp_path, capsys):
         "--script",
         str(script),
         "--start",
-        "2,8.8,-90",
+        "2,8.8,-90deg",
         "--max-time",
         "1.9",
     ]

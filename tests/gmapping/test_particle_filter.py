@@ -13,6 +13,7 @@ from slamcli.geometry import se2
 from slamcli.gmapping import GmappingParameters, particle_filter
 from slamcli.gmapping.motion import MotionModel
 from slamcli.gmapping.particle_filter import ParticleFilter, systematic_draw
+from slamcli.gmapping.result import track_of
 from slamcli.grids.tiles import TiledMaps
 
 
@@ -63,12 +64,18 @@ def test_weights_neff_and_resampling(monkeypatch):
         weights = np.exp((logs - logs.max()) / (2.0 * 4))
         weights /= weights.sum()
         assert step.neff == pytest.approx(1 / (weights**2).sum())
+        np.testing.assert_allclose(step.weights, weights, rtol=1e-12)
         assert step.log_likelihood == max(row)
         assert step.resampled == (step.neff < 2.0)
         if step.resampled:
             logs = np.zeros(4)
     assert [step.resampled for step in particles.steps] == [False, False, False, True, False]
     assert particles.steps[4].parents.tolist() == [1, 1, 1, 1]
+    track = track_of(particles, [10, 20, 30, 40, 50])
+    assert track.stamps_ns.tolist() == [10, 20, 30, 40, 50]
+    np.testing.assert_allclose(track.weights[0], 0.25)
+    np.testing.assert_allclose(track.weights[3], [0.0, 1.0, 0.0, 0.0], atol=1e-20)  # before it was resampled
+    np.testing.assert_array_equal(track.poses[4], particles.steps[4].poses.astype(np.float32))
     np.testing.assert_allclose(particles._weight_sums, 3.0 - 2.0 + 500.0)  # of particle 1: 1 + 0 + 500
 
 

@@ -11,6 +11,7 @@ import pytest
 from slamcli.formats.clouds import read_cloud
 from slamcli.formats.g2o import read_g2o
 from slamcli.formats.maps import read_map
+from slamcli.formats.particles import read_particles
 from slamcli.formats.trajectories import read_tum
 from slamcli.geometry import se3
 from slamcli.grids import OccupancyGrid
@@ -20,6 +21,7 @@ from slamcli.pipelines.map_outputs import RECORDS, OutputChoices, summarise, wri
 from slamcli.posegraph import Constraint, Id, LoopSearch, MapState, Node, Submap
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+from slamcli.trajectory.particle_track import particle_track
 
 STAMPS = np.arange(3) * 100_000_000
 TRAJECTORY = Trajectory.from_se2(STAMPS, np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0.1]]))
@@ -97,6 +99,13 @@ def test_everything_that_a_graph_has(tmp_path):
     written(tmp_path / "b", result)
     for name in names:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_the_particles_of_a_filter(tmp_path):
+    track = particle_track(STAMPS.tolist(), [np.zeros((2, 3))] * 3, [np.full(2, 0.5)] * 3)
+    names, _ = written(tmp_path, MappingResult(trajectory=TRAJECTORY, particles=track))
+    assert names == {"trajectory.tum", "particles.npz", *RECORDS}
+    assert read_particles(tmp_path / "particles.npz").poses.shape == (3, 2, 3)
 
 
 def test_a_graph_without_searches_has_no_table_of_them(tmp_path):

@@ -67,6 +67,7 @@ def show_command(
     elif as_json:
         print_json(
             {"algo": algo, "parameters": [_as_record(row) for row in rows], "remaps": dict(shown.remaps)},
+            "config-show",
         )
     else:
         _print_list(rows)
@@ -96,7 +97,7 @@ def check_command(files: Sequence[Path], beams: int | None, range_m: float | Non
     findings = check(files, beams, range_m)
     counts = {kind: sum(f.severity == kind for f in findings) for kind in ("error", "warning", "note")}
     if as_json:
-        print_json({"findings": [_as_finding(finding) for finding in findings], "counts": counts})
+        print_json({"findings": [_as_finding(finding) for finding in findings], "counts": counts}, "config-check")
     else:
         for finding in findings:
             click.echo(f"{finding.place}: {finding.severity}: {finding.message}")

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, Self
 
@@ -92,18 +92,17 @@ class Console:
         self.clear()
 
 
-def print_json(document: Any) -> None:
-    """Print one JSON document to stdout; NaN and infinity become null."""
-    click.echo(json.dumps(_finite(document), indent=2, sort_keys=False, default=str))
+def print_json(document: Mapping[str, Any], name: str = "") -> None:
+    """Print one JSON document to stdout; NaN and infinity become null.
 
+    Parameters
+    ----------
+    document
+        What to print.
+    name
+        Of its schema (``configs/schemas``), which becomes its first key; left out for a document that bears one already.
+    """
+    from slamcli.pipelines.json_text import json_text
+    from slamcli.pipelines.schemas import stamped
 
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _finite(value.tolist())
-    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
-        return None
-    return value
+    click.echo(json_text(stamped(name, document) if name else document))

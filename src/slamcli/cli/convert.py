@@ -165,7 +165,7 @@ def command(
         console.tell(log)
         seconds = time.perf_counter() - began
         if as_json:
-            print_json(_document(conversion, log.notes, log.warnings, dict(log.counts), seconds))
+            print_json(_document(conversion, log.notes, log.warnings, dict(log.counts), seconds), "convert")
         elif verbosity >= 0:
             click.echo(_summary(conversion, seconds))
     return 0
@@ -189,7 +189,8 @@ def _convert_state(paths: tuple[Path, ...], console: Console, *, as_json: bool, 
                 "sources": [str(made.source)], "source_format": "rtabmap" if database else "pbstream", "target": str(made.target),
                 "format": made.format, "poses": made.poses, "size_bytes": made.size_bytes,
                 "notes": log.notes, "warnings": log.warnings, "seconds": round(made.seconds, 3),
-            }
+            },
+            "convert-state",
         )  # fmt: skip
     else:
         console.say(f"{made.target}: {made.format}, {made.poses} poses, {made.size_bytes / 1e6:.1f} MB")

@@ -43,7 +43,7 @@ def command(bags: tuple[Path, ...], as_json: bool, mends: Mends, verbosity: int)
         ):
             diagnosis = diagnose(recording)
     if as_json:
-        print_json(_document(diagnosis))
+        print_json(_document(diagnosis), "doctor")
     else:
         click.echo(_text(diagnosis, notes=verbosity >= 0))
     return 1 if diagnosis.count("error") else 0

@@ -10,11 +10,14 @@ import click
 from click.core import ParameterSource
 
 from slamcli.cli.console import Console, print_json
-from slamcli.cli.options import json_option, verbosity_options
+from slamcli.cli.fleet_options import fleet_options
+from slamcli.cli.options import json_option, junit_option, threshold_options, verbosity_options
 from slamcli.cli.recording_options import given_mends, recording_options
+from slamcli.cli.verdicts import Verdicts
 
 if TYPE_CHECKING:
-    from slamcli.evaluation.thresholds import Verdict
+    from pathlib import Path
+
     from slamcli.recordings.mends import Mends
 
 _RELATIONS = [
@@ -37,6 +40,7 @@ def _normalise(token: str) -> str:
 
 
 @click.command(context_settings={"token_normalize_func": _normalise})
+@fleet_options("estimate", result="evaluation")
 @click.argument("estimate", metavar="EST")
 @click.argument("reference", metavar="REF")
 @click.option(
@@ -152,24 +156,12 @@ def _normalise(token: str) -> str:
     metavar="M",
     help="Maps: distance up to which walls are the same; default: 0.1 m, or two cells if that is more.",
 )
-@click.option(
-    "--max",
-    "upper",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Fail (exit 1) if a figure is larger; repeatable (ate.rmse, rpe.rmse, relations.trans.mean, ...).",
-)
-@click.option(
-    "--min",
-    "lower",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Fail (exit 1) if a figure is smaller; repeatable (coverage.time, ...).",
-)
 @click.option("--plot", metavar="FILE.png", help="Draw the paths and the errors over time.")
 @click.option(
     "-o", "--output", metavar="DIR", help="Write evaluation.json, errors.csv, aligned.tum, plot.png and run.json there."
 )
+@threshold_options
+@junit_option
 @recording_options
 @json_option
 @verbosity_options
@@ -182,6 +174,7 @@ def command(
     output: str | None,
     upper: Sequence[str],
     lower: Sequence[str],
+    junit: Path | None,
     mends: Mends,
     **options: Any,
 ) -> int:
@@ -192,7 +185,7 @@ def command(
 
     \b
     slamcli evaluate intel/trajectory.tum intel.relations
-    slamcli evaluate run/trajectory.tum groundtruth.txt --max ate.rmse=0.05 --min coverage.time=0.9
+    slamcli evaluate run/trajectory.tum groundtruth.txt --max ate.rmse=0.05 --min coverage.time=0.9 --junit score.xml
     slamcli evaluate bag.mcap:/amcl_pose 'bag.mcap:map>base_link' --t-max-diff 0.05 --json
     slamcli evaluate kitti_est.txt kitti_gt.txt --metric segments
     slamcli evaluate intel/map.yaml floorplan.yaml --plot difference.png
@@ -200,15 +193,17 @@ def command(
     Without any option for it, EST is aligned to REF by SE(3). Exit codes: 0 done, 1 failed or a threshold missed, 2 wrong usage or
     input.
     """  # noqa: D301 - click needs the backspace itself
-    from slamcli.evaluation.thresholds import judge, parse_threshold
     from slamcli.pipelines.evaluation_outputs import write_outputs
     from slamcli.pipelines.evaluation_request import Request, run_request
+    from slamcli.pipelines.schemas import stamped
     from slamcli.reports.evaluation_tables import evaluation_text
     from slamcli.runtime import RunLog
 
-    thresholds = [parse_threshold(text, upper=True) for text in upper]
-    thresholds += [parse_threshold(text, upper=False) for text in lower]
-    with Console(verbosity) as console:
+    subject = f"{estimate} against {reference}"
+    with (
+        Verdicts("evaluate", subject=subject, upper=upper, lower=lower, junit=junit) as verdicts,
+        Console(verbosity) as console,
+    ):
         log = RunLog(console)
         context = click.get_current_context()
         given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
@@ -221,27 +216,15 @@ def command(
             given_mends=given_mends(context),
         )
         score = run_request(request, log)
-        verdicts = judge(score.figures(), thresholds)
-        document = {"estimate": estimate, "reference": reference} | score.as_dict()
+        verdicts.judge(score.figures())
+        document = stamped("evaluate", {"estimate": estimate, "reference": reference} | score.as_dict())
         document["warnings"] = log.warnings
-        document["thresholds"] = [_as_dict(verdict) for verdict in verdicts]
+        document["thresholds"] = verdicts.as_dicts()
         write_outputs(request, score, document, log, plot=plot, output=output)
         console.tell(log)
         if as_json:
             print_json(document)
         else:
             click.echo(evaluation_text(document))
-        for verdict in verdicts:
-            (console.detail if verdict.passed else console.warn)(verdict.message)
-    return 0 if all(verdict.passed for verdict in verdicts) else 1
-
-
-def _as_dict(verdict: Verdict) -> dict[str, Any]:
-    bar = verdict.threshold
-    return {
-        "key": bar.key,
-        "max" if bar.upper else "min": bar.value,
-        "value": verdict.figure,
-        "passed": verdict.passed,
-        "message": verdict.message,
-    }
+        verdicts.tell(console)
+    return verdicts.exit_code

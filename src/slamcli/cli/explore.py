@@ -106,5 +106,6 @@ def _tell(outcome: ExploreOutcome, console: Console) -> None:
         str(summary["goals"]), str(summary["goals_given_up"]), str(summary["collisions"]), "–" if error is None else f"{error:.3f}",
     )  # fmt: skip
     click.echo(table_text(columns, [row], numeric=range(3, 11)))
-    told = [str(summary["message"])] + ([f"{factor:.3g} x real time"] if factor else [])
+    # A failure's message is the error that ends the command.
+    told = ([] if outcome.failure else [str(summary["message"])]) + ([f"{factor:.3g} x real time"] if factor else [])
     console.say("; ".join(told) + (f" -> {', '.join(map(str, outcome.written))}" if outcome.written else ""))

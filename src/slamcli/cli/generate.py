@@ -10,6 +10,7 @@ import click
 
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.options import json_option, seed_option, verbosity_options
+from slamcli.cli.points import parse_point
 from slamcli.errors import UsageError
 
 _SENSORS = {"/scan": "scans", "/points": "clouds", "/imu": "IMU samples"}
@@ -41,7 +42,9 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.argument("out", type=click.Path())
 @seed_option
 @click.option("--duration", "duration_s", type=float, help="Seconds (default: the world's route; 120 at random).")
-@click.option("--start", metavar="X,Y,YAW", help="Where the robot starts: metres and degrees, in the map's frame.")
+@click.option(
+    "--start", metavar="X,Y[,YAW]", help="Where the robot starts: metres and radians (or 90deg), in the map's frame."
+)
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="A setting (see --list-settings).")
 @click.option("--people", type=click.IntRange(min=0), help="How many people walk about (people.count).")
 @click.option("--imu/--no-imu", default=None, help="Record an IMU (imu.enabled).")
@@ -103,7 +106,7 @@ def command(
         )  # fmt: skip
         console.tell(log)
     if as_json:
-        print_json(_document(made))
+        print_json(_document(made), "generate")
     else:
         written = [str(p) for p in (made.path, made.truth, made.map) if p is not None]
         told = [f"{made.messages[topic]} {what}" for topic, what in _SENSORS.items() if topic in made.messages]
@@ -160,13 +163,10 @@ def _camera(kind: str | None, image_size: str | None) -> dict[str, Any]:
 
 
 def parse_start(text: str | None) -> tuple[float, float, float] | None:
-    """Return what ``--start X,Y,YAW`` (metres, degrees) says, with radians; raise UsageError where it is no pose."""
+    """Return the pose of ``--start X,Y[,YAW]``; raise UsageError where it is none."""
     if text is None:
         return None
-    try:
-        values = [float(v) for v in text.split(",")]
-    except ValueError as error:
-        raise UsageError(f"--start {text}: write it as X,Y or X,Y,YAW (metres, degrees)") from error
-    if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
-        raise UsageError(f"--start {text}: write it as X,Y or X,Y,YAW (metres, degrees)")
-    return values[0], values[1], math.radians(values[2]) if len(values) == 3 else 0.0
+    values = parse_point("--start", text)
+    if not all(map(math.isfinite, values)):
+        raise UsageError(f"--start {text}: write it as X,Y or X,Y,YAW (metres, radians)")
+    return values[0], values[1], values[2] if len(values) == 3 else 0.0

@@ -61,7 +61,7 @@ def command(bags: tuple[Path, ...], full: bool, as_json: bool, mends: Mends, ver
             if warning not in answered:
                 console.warn(warning)
     if as_json:
-        print_json(_document(summary, log))
+        print_json(_document(summary, log), "info")
     else:
         click.echo(_text(summary))
     return 0

@@ -28,7 +28,7 @@ def tell_database(path: Path, *, as_json: bool) -> None:
 
     facts = database_facts(path)
     if as_json:
-        print_json({**document(facts), "notes": [], "warnings": []})
+        print_json({**document(facts), "notes": [], "warnings": []}, "info-database")
     else:
         click.echo(_text(facts))
 

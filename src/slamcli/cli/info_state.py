@@ -24,7 +24,7 @@ def tell_state(path: Path, console: Console, *, as_json: bool) -> None:
     facts = state_facts(path, log)
     console.tell(log)
     if as_json:
-        print_json({**document(facts), "notes": log.notes, "warnings": log.warnings})
+        print_json({**document(facts), "notes": log.notes, "warnings": log.warnings}, "info-state")
     else:
         click.echo(_text(facts))
 

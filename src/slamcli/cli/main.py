@@ -14,12 +14,16 @@ from slamcli import __version__
 from slamcli.cli import kernel_cache
 from slamcli.errors import InputError, SlamcliError
 
+WORDS = "slamcli.words"
+"""Where the words of the command line after the command lie in a context's `meta`."""
+
 # name -> (module under slamcli.cli, one line of help); a command is imported when it runs, or for its own --help.
 COMMANDS: dict[str, tuple[str, str]] = {
     "info": ("info", "What a recording holds, and which SLAM systems can run on it."),
     "doctor": ("doctor", "What is wrong with a recording, and the option that mends it."),
     "convert": ("convert", "Convert recordings and classic logs between formats."),
     "map": ("map", "Build a map and a trajectory from a recording."),
+    "sweep": ("sweep", "Try many values of native parameters on a recording, and rank them."),
     "evaluate": ("evaluate", "Score a trajectory or a map against ground truth."),
     "localize": ("localize", "Localise a recording on a known map (AMCL)."),
     "plan": ("plan", "Plan paths on a saved map."),
@@ -31,6 +35,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map-tools": ("map_tools", "Inspect, convert, crop and compare saved maps."),
     "vocabulary": ("vocabulary", "Train and inspect vocabularies of visual words."),
     "config": ("config", "Show resolved parameters; check native configuration files."),
+    "schema": ("schema", "The JSON Schemas of run.json and --json documents; checks a document."),
     "warmup": ("warmup", "Compile all kernels beforehand (for images and CI)."),
 }
 
@@ -60,6 +65,7 @@ class LazyGroup(click.Group):
             near = difflib.get_close_matches(args[0], COMMANDS, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             ctx.fail(f"no command {args[0]!r}{hint}")
+        ctx.meta[WORDS] = args[1:]
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002

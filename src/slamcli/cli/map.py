@@ -15,6 +15,7 @@ from slamcli.cli.atlas_options import atlas_options, atlas_words
 from slamcli.cli.camera_options import camera_options
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.database_options import database_options, database_words
+from slamcli.cli.fleet_options import fleet_options
 from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
 from slamcli.cli.recording_options import given_mends, recording_options
 from slamcli.runtime import RunLog
@@ -35,6 +36,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 
 
 @click.command()
+@fleet_options(result="maps")
 @click.argument("bag", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--algo", default="gmapping", show_default=True, help="SLAM system (an installed `slamcli.mappers` entry point)."

@@ -39,7 +39,7 @@ def info(map_path: str, as_json: bool) -> int:
     found = look(map_path)
     document = found.document()
     if as_json:
-        print_json(document)
+        print_json(document, "map-tools-info")
         return 0
     _print_info(document)
     with Console() as console:
@@ -97,7 +97,7 @@ def convert(
         source, target, mode=cast(Any, mode), image_format=image_format, negate=negate,
         occupied_thresh=occupied_thresh, free_thresh=free_thresh, dialect=cast(Any, read_as),
     )  # fmt: skip
-    _tell_written(written, as_json, verbosity)
+    _tell_written("map-tools-convert", written, as_json, verbosity)
     return 0
 
 
@@ -113,7 +113,7 @@ def crop(source: str, target: str, bounds: str | None, margin_m: float, as_json:
     from slamcli.pipelines.map_tools import crop_map
 
     written = crop_map(source, target, bounds=_bounds(bounds), margin_m=margin_m)
-    _tell_written(written, as_json, verbosity)
+    _tell_written("map-tools-crop", written, as_json, verbosity)
     return 0
 
 
@@ -137,7 +137,7 @@ def diff(first: str, second: str, output: str | None, limits: tuple[str, ...], a
     if output:
         document["output"] = str(draw_difference(found, output))
     if as_json:
-        print_json(document)
+        print_json(document, "map-tools-diff")
     elif verbosity >= 0:
         _print_difference(document)
     check_limits(found, bars)
@@ -161,10 +161,10 @@ def _print_difference(document: dict[str, Any]) -> None:
     )
 
 
-def _tell_written(written: tuple[Any, ...], as_json: bool, verbosity: int) -> None:
+def _tell_written(name: str, written: tuple[Any, ...], as_json: bool, verbosity: int) -> None:
     names = [str(path) for path in written]
     if as_json:
-        print_json({"outputs": names})
+        print_json({"outputs": names}, name)
         return
     with Console(verbosity) as console:
         console.say(f"written: {', '.join(names)}")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import click
@@ -29,4 +30,24 @@ jobs_option: Decorator = click.option(
     default=0,
     show_default="all cores",
     help="Threads; results do not depend on it.",
+)
+
+
+def threshold_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--max`` and ``--min``; the command gets `upper` and `lower`, for `slamcli.cli.verdicts.Verdicts`."""
+    function = click.option(
+        "--min", "lower", multiple=True, metavar="KEY=VALUE",
+        help="Fail (exit 1) if a figure is smaller; repeatable. A wrong KEY lists the figures.",
+    )(function)  # fmt: skip
+    return click.option(
+        "--max", "upper", multiple=True, metavar="KEY=VALUE",
+        help="Fail (exit 1) if a figure is larger; repeatable. A wrong KEY lists the figures.",
+    )(function)  # fmt: skip
+
+
+junit_option: Decorator = click.option(
+    "--junit",
+    type=click.Path(path_type=Path),
+    metavar="FILE.xml",
+    help="Write the verdicts as JUnit XML: a test case per threshold, an error where the command fails.",
 )

@@ -142,13 +142,14 @@ def _plan_many(
     import json
 
     from slamcli.pipelines.plan import plan_many
+    from slamcli.pipelines.schemas import stamped
 
     if targets:
         raise UsageError("-o belongs to one path; with --pairs redirect stdout: slamcli plan --pairs … > answers.jsonl")
     failed = 0
     for index, answer in enumerate(plan_many(site, pairs)):
         failed += answer.path is None
-        click.echo(json.dumps({"index": index, **answer.document()}))
+        click.echo(json.dumps(stamped("plan-pair", {"index": index, **answer.document()})))
     return 1 if strict and failed else 0
 
 
@@ -170,7 +171,9 @@ def _plan_one(
     console.tell(log)
     if as_json:
         document = {"map": str(site.map.path), **answer.document(points=True), "parameters": site.parameters}
-        print_json({**document, "outputs": [str(p) for p in written], "notes": log.notes, "warnings": log.warnings})
+        print_json(
+            {**document, "outputs": [str(p) for p in written], "notes": log.notes, "warnings": log.warnings}, "plan"
+        )
     require_path(answer)
     if not as_json:
         _print_table(answer, written)

@@ -4,6 +4,11 @@
 from __future__ import annotations
 
 import datetime as dt
+import re
+
+from slamcli.errors import UsageError
+
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kMGT]?)(i?)B?", re.IGNORECASE)
 
 
 def size_text(size_bytes: int) -> str:
@@ -32,3 +37,18 @@ def time_text(stamp_ns: int | None) -> str:
         return f"{stamp_ns / 1e9:.3f} s"
     moment = dt.datetime.fromtimestamp(stamp_ns // 10**9, tz=dt.UTC)
     return f"{moment:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def parse_size(text: str, option: str) -> int:
+    """Return a size in bytes: ``2GB`` (powers of 1000), ``512 MiB`` (of 1024), ``1.5G``.
+
+    Raises
+    ------
+    UsageError
+        If it is none.
+    """
+    match = _SIZE.fullmatch(text.strip())
+    if match is None:
+        raise UsageError(f"{option} {text!r} is no size: write it as 2GB or 512MiB")
+    power = " kmgt".index(match[2].lower() or " ")
+    return int(float(match[1]) * (1024 if match[3] else 1000) ** power)

@@ -32,7 +32,9 @@ _FASTEST = 1000.0
 @click.option("--speed", type=float, metavar="FACTOR", help="Simulated over real time (default: 1).")
 @click.option("--key-timeout", "key_timeout_s", type=float, metavar="S", help="Stop so long after the last key (default: go on until another key).")  # fmt: skip
 @click.option("--max-time", "max_time_s", type=float, metavar="S", help="Simulated seconds after which the drive ends.")
-@click.option("--start", metavar="X,Y,YAW", help="Where the robot starts: metres and degrees, in the map's frame.")
+@click.option(
+    "--start", metavar="X,Y[,YAW]", help="Where the robot starts: metres and radians (or 90deg), in the map's frame."
+)
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="A setting of robot, sensors, people (see generate --list-settings).")  # fmt: skip
 @click.option("--people", type=click.IntRange(min=0), help="How many people walk about (people.count).")
 @click.option("--slam", type=click.Choice(["gmapping", "cartographer"]), help="Make a map while driving, and show it instead of the world.")  # fmt: skip
@@ -89,7 +91,7 @@ def command(
             with contextlib.suppress(OSError):  # a terminal that has gone: the drive is saved, nobody listens
                 console.tell(log)
         if as_json:
-            print_json(_document(teleop.driven))
+            print_json(_document(teleop.driven), "teleop")
         else:
             with contextlib.suppress(OSError):
                 console.say(_told(teleop.driven))

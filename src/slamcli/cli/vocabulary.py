@@ -60,7 +60,7 @@ def train(
                 f"{output} ({document['size_bytes'] / 1e6:.2f} MB)"
             )
     if as_json:
-        print_json(document)
+        print_json(document, "vocabulary-train")
     return 0
 
 
@@ -76,7 +76,7 @@ def info(source: str, as_json: bool) -> int:
 
     document = inspect(Path(source))
     if as_json:
-        print_json(document)
+        print_json(document, "vocabulary-info")
     else:
         _print(document)
     return 0

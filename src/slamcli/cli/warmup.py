@@ -16,8 +16,11 @@ from slamcli.cli.options import json_option, verbosity_options
 ROOMS = (
     "cartographer.projection_3d",
     "cartographer.sweep_3d",
+    "evaluation.neighbourhoods",
+    "evaluation.redrawn_map",
     "grids.depth_projection",
     "grids.distance",
+    "grids.first_seen",
     "grids.ground",
     "grids.hybrid_blocks",
     "grids.probability_grid",
@@ -122,5 +125,5 @@ def command(as_json: bool, verbosity: int) -> int:
         total = sum(seconds.values())
         console.say(f"all kernels are compiled ({total:.1f} s); the cache is {kernel_cache.directory()}")
     if as_json:
-        print_json({"seconds": seconds, "total_s": total, "cache": str(kernel_cache.directory())})
+        print_json({"seconds": seconds, "total_s": total, "cache": str(kernel_cache.directory())}, "warmup")
     return 0

@@ -14,7 +14,7 @@ from slamcli.gmapping.beams import BeamModel
 from slamcli.gmapping.live_map import LiveMap
 from slamcli.gmapping.parameters import GmappingParameters
 from slamcli.gmapping.particle_filter import ParticleFilter
-from slamcli.gmapping.result import final_map, report_fallbacks, step_columns, summary
+from slamcli.gmapping.result import final_map, report_fallbacks, step_columns, summary, track_of
 from slamcli.gmapping.update_gate import UpdateGate
 from slamcli.grids import OccupancyGrid
 from slamcli.mapper import MappingResult, Setup
@@ -105,6 +105,7 @@ class LiveGmapping:
             grid=grid,
             steps=step_columns(self._filter, matches, stamps_ns),
             summary=summary(self._filter, TimeOffset(self._offset_s, 0.0, 0.0, 0), matches, len(stamps_ns)),
+            particles=track_of(self._filter, stamps_ns),
         )
 
     def _take(self, scan: LaserScan) -> None:

@@ -14,7 +14,7 @@ from slamcli.geometry import se2
 from slamcli.gmapping.beams import BeamModel
 from slamcli.gmapping.parameters import GmappingParameters
 from slamcli.gmapping.particle_filter import ParticleFilter
-from slamcli.gmapping.result import final_map, report_fallbacks, step_columns, summary
+from slamcli.gmapping.result import final_map, report_fallbacks, step_columns, summary, track_of
 from slamcli.gmapping.update_gate import UpdateGate
 from slamcli.mapper import MappingResult, Setup
 from slamcli.measurements import LaserScan, Measurement, Odometry
@@ -81,7 +81,7 @@ class GmappingMapper:
         report_fallbacks(self._parameters, particles, log)
         return MappingResult(
             trajectory=trajectory, grid=grid, steps=step_columns(particles, odometry_steps, stamps_ns),
-            summary=summary(particles, offset, odometry_steps, len(stamps_ns)),
+            summary=summary(particles, offset, odometry_steps, len(stamps_ns)), particles=track_of(particles, stamps_ns),
         )  # fmt: skip
 
     def _clocks(self) -> tuple[NDArray[np.int64], WheelOdometry | None]:

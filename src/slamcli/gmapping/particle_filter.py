@@ -46,6 +46,8 @@ class StepRecord:
     fallbacks: int
     """Particles whose match did not reach minimumScore."""
     num_beams: int
+    weights: NDArray[np.float64]
+    """float64 (N,), how much each particle weighed before it was resampled; they sum up to one."""
 
 
 @dataclass(slots=True)
@@ -90,9 +92,11 @@ class ParticleFilter:
 
     def update(self, index: int, beams: Beams) -> None:
         """Match, weigh, resample and draw one scan."""
+        count = len(self.poses)
         record = StepRecord(
-            index, self.poses, self._parents, float(len(self.poses)), 0.0, 0.0, False, 0, len(beams.points)
-        )
+            index, self.poses, self._parents, float(count), 0.0, 0.0, False, 0, len(beams.points),
+            np.full(count, 1.0 / count),
+        )  # fmt: skip
         if self.steps:
             self._match(beams, record)
         self.maps.add_scan(self.poses, beams.start, beams.ends, beams.hit)
@@ -164,6 +168,7 @@ class ParticleFilter:
         gain = 1.0 / (self.parameters.ogain * len(self.poses))
         weights = np.exp(gain * (self._log_weights - self._log_weights.max()))
         weights /= weights.sum()
+        record.weights = weights
         record.neff = float(1.0 / (weights**2).sum())  # eq. 20
         if record.neff >= self.parameters.resampleThreshold * len(self.poses):
             return

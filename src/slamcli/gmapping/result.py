@@ -17,6 +17,7 @@ from slamcli.registration.beams import Beams
 from slamcli.registration.scan_odometry import ScanStep
 from slamcli.runtime import RunLog
 from slamcli.trajectory.bending import moved_scans
+from slamcli.trajectory.particle_track import ParticleTrack, particle_track
 from slamcli.trajectory.time_offset import TimeOffset
 
 BeamsOf = Callable[[int], Beams]
@@ -77,6 +78,14 @@ def step_columns(
         "num_particles": np.array([len(step.poses) for step in steps], dtype=np.int64),
         "odometry_disagreement": np.array([disagreement[a:b].max() for a, b in zip(index, ends, strict=True)]),
     }
+
+
+def track_of(particles: ParticleFilter, stamps_ns: Sequence[int]) -> ParticleTrack:
+    """Return where the particles were after each processed scan, before they were resampled; all scans have the stamps (N,)."""
+    steps = particles.steps
+    return particle_track(
+        [stamps_ns[step.index] for step in steps], [step.poses for step in steps], [step.weights for step in steps]
+    )
 
 
 def summary(

@@ -3,16 +3,13 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli import __version__
 from slamcli.errors import UsageError
 from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import write_tum
@@ -21,11 +18,9 @@ from slamcli.pipelines.evaluate import TrajectoryScore
 from slamcli.pipelines.evaluate_map import MapScore
 from slamcli.pipelines.evaluate_relations import RelationsScore
 from slamcli.pipelines.evaluation_request import Request, Score
-from slamcli.pipelines.run_record import describe_inputs, to_json
+from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
 from slamcli.pipelines.trajectories import parse_source
-from slamcli.runtime import RunLog, peak_memory_bytes
-
-_LIBRARIES = ("numpy", "scipy")
+from slamcli.runtime import RunLog
 
 
 def write_outputs(
@@ -133,19 +128,10 @@ def _run_record(request: Request, score: Score, log: RunLog, outputs: list[str])
     paths = [parse_source(text).path for text in (request.estimate, request.reference)]
     if isinstance(score, MapScore):
         paths += [read_map(path).image for path in paths]
-    return {
-        "slamcli": __version__,
-        "command": "evaluate",
-        "estimate": request.estimate,
-        "reference": request.reference,
-        "inputs": describe_inputs(paths),
-        "parameters": {**request.options, **({"mends": dict(request.given_mends)} if request.given_mends else {})},
-        "summary": score.figures(),
-        "counts": dict(sorted(log.counts.items())),
-        "warnings": log.warnings,
-        "notes": log.notes,
-        "versions": {"python": platform.python_version()} | {name: metadata.version(name) for name in _LIBRARIES},
-        "outputs": outputs,
-        "timing": {"stages_s": {name: round(seconds, 3) for name, seconds in log.seconds.items()}},
-        "peak_memory_bytes": peak_memory_bytes(),
-    }
+    mends = {"mends": dict(request.given_mends)} if request.given_mends else {}
+    document = run_document(
+        command="evaluate", algo="", parameters={**request.options, **mends},
+        changed={name: request.options[name] for name in sorted(request.given)} | mends, seed=0, jobs=1, inputs=describe_inputs(paths),
+        topics={}, frames={}, log=log, total_s=sum(log.seconds.values()), duration_s=0.0, summary=score.figures(), outputs=outputs,
+    )  # fmt: skip
+    return {**document, "estimate": request.estimate, "reference": request.reference}

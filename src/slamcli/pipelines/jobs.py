@@ -7,62 +7,25 @@ job its own peak memory, and ends with the job whatever happens in it.
 
 from __future__ import annotations
 
-import hashlib
-import json
+import contextlib
 import os
-import subprocess
-import sys
-import tempfile
-import time
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import IO
+from typing import Any
 
-from slamcli import __version__
 from slamcli.errors import UsageError
-from slamcli.outputs import atomic_file
-from slamcli.pipelines.run_record import describe_inputs
+from slamcli.pipelines.job_process import Job, JobOutcome, run_job
+from slamcli.pipelines.job_records import JobRecords
 
-_LAST_LINES = 4000
-"""Characters of a job's talk that are kept: the end, where the reason of a failure stands."""
+__all__ = ["Job", "JobOutcome", "run_job", "run_jobs"]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """One run of slamcli."""
-
-    name: str
-    """Of this job among its fellows; also the name of its record's file."""
-    arguments: tuple[str, ...]
-    """Of slamcli, the command first; among them the output that `output` names."""
-    output: Path
-    """File or folder that the job leaves."""
-    inputs: tuple[Path, ...] = ()
-    """What it reads: it runs again where their content has changed."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobOutcome:
-    """What became of a job."""
-
-    name: str
-    exit_code: int
-    """0 done, 1 failed or a threshold missed, 2 wrong usage or input; negative: ended by that signal."""
-    message: str
-    """The last line that it said to stderr; empty if it said nothing."""
-    stdout: str
-    wall_s: float
-    cpu_s: float
-    peak_memory_bytes: int
-    reused: bool = False
-    """Whether it was done by an earlier run, and nothing has changed since."""
-
-    @property
-    def done(self) -> bool:
-        """Whether it did what it was to do."""
-        return self.exit_code == 0
+_ENDINGS = (signal.SIGTERM, signal.SIGHUP)
+"""Besides Ctrl-C: what ends the jobs in good order."""
 
 
 def run_jobs(
@@ -71,99 +34,113 @@ def run_jobs(
     workers: int = 1,
     records: Path | None = None,
     told: Callable[[JobOutcome], None] = lambda _: None,
+    memory_limit_bytes: int | None = None,
+    scheduler: str | None = None,
+    fresh: bool = False,
+    keep_stdout: bool = True,
 ) -> list[JobOutcome]:
     """Run all jobs, several at once, and return what became of each, in their order.
+
+    Interrupted (Ctrl-C, or ended by SIGTERM or SIGHUP), it ends all jobs and all that they started before it raises; what was done
+    is in the records.
 
     Parameters
     ----------
     jobs
         What to run; their names differ.
     workers
-        How many at once.
+        How many at once; 0: one for each core, or as many as the cluster takes.
     records
-        Folder for one small file per finished job: a job that has one, whose inputs and arguments are the same and whose output
-        is still there, is not run again. None: everything runs.
+        Folder for one small file per finished job: a job that was done, whose inputs and arguments are the same and whose output is
+        still there, is not run again. None: everything runs.
     told
         Is called with each outcome as it comes, from this thread.
+    memory_limit_bytes
+        Most memory of one job; one that needs more is ended, and is reported as failed. None: unlimited, on a cluster the share of
+        each worker's memory that a thread of it has.
+    scheduler
+        Address of a Dask scheduler whose workers run the jobs; None for processes of this machine. Paths are as they are here: the
+        workers must see the same files, and the records.
+    fresh
+        Run all, whatever the records say.
+    keep_stdout
+        Whether the outcomes hold what the jobs printed; False for very many jobs (the records hold it anyway).
 
     Raises
     ------
     UsageError
-        If two jobs have one name, or a record cannot be written.
+        If two jobs have one name, a record cannot be written, or the scheduler is not to be had.
+    KeyboardInterrupt
+        If it was interrupted.
     """
     names = [job.name for job in jobs]
     if len(set(names)) != len(names):
         raise UsageError(f"two jobs are called {next(n for n in names if names.count(n) > 1)!r}")
     outcomes: dict[str, JobOutcome] = {}
-    with ThreadPoolExecutor(max_workers=max(1, workers)) as pool:
-        running = [pool.submit(_run_or_reuse, job, records) for job in jobs]
+    stop = threading.Event()
+    known = JobRecords(records) if records is not None else None
+    with (
+        _endings_interrupt(),
+        _executor(scheduler, stop, memory_limit_bytes, records) as (run, capacity),
+        ThreadPoolExecutor(workers or capacity) as pool,
+    ):
+        taken = partial(_run_or_reuse, records=known, run=run, fresh=fresh, keep_stdout=keep_stdout)
+        running = [pool.submit(taken, job) for job in jobs]
         try:
             for future in as_completed(running):
                 outcome = future.result()
                 outcomes[outcome.name] = outcome
                 told(outcome)
         except BaseException:
-            for future in running:
-                future.cancel()
+            stop.set()
+            pool.shutdown(cancel_futures=True)
             raise
     return [outcomes[name] for name in names]
 
 
-def _run_or_reuse(job: Job, records: Path | None) -> JobOutcome:
+def _run_or_reuse(
+    job: Job, *, records: JobRecords | None, run: Callable[[Job], JobOutcome], fresh: bool, keep_stdout: bool
+) -> JobOutcome:
+    outcome = None if records is None or fresh else records.find(job)
+    if outcome is None:
+        outcome = run(job)
+        if records is not None:
+            records.keep(job, outcome)
+    return outcome if keep_stdout else replace(outcome, stdout="")
+
+
+@contextlib.contextmanager
+def _executor(
+    scheduler: str | None, stop: threading.Event, memory_limit_bytes: int | None, records: Path | None
+) -> Iterator[tuple[Callable[[Job], JobOutcome], int]]:
+    """Give what runs one job and waits for it, from several threads at once, and how many of them make sense."""
+    if scheduler is None:
+        run = partial(run_job, memory_limit_bytes=memory_limit_bytes, is_stopped=stop.is_set)
+        yield run, os.cpu_count() or 1
+        return
+    from slamcli.pipelines.dask_jobs import dask_cluster
+
     if records is None:
-        return run_job(job)
-    key, record = _key(job), records / f"{job.name}.json"
-    known = _read_record(record, key)
-    if known is not None and job.output.exists():
-        return known
-    outcome = run_job(job)
-    if outcome.done:
-        with atomic_file(record) as stream:
-            json.dump({"key": key, "outcome": asdict(outcome)}, stream, indent=2)
-    return outcome
+        raise UsageError("jobs on a cluster need a folder for their records that all machines see")
+    with dask_cluster(scheduler, stop, memory_limit_bytes, records) as cluster:
+        yield cluster
 
 
-def run_job(job: Job) -> JobOutcome:
-    """Run one job in a process of its own and wait for it."""
-    began = time.monotonic()
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "slamcli", *job.arguments], stdin=subprocess.DEVNULL, stdout=out, stderr=err
-        )
-        try:
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
-        said = _text(err)[-_LAST_LINES:].strip().splitlines()
-        return JobOutcome(
-            name=job.name, exit_code=process.returncode, message=said[-1] if said else "", stdout=_text(out),
-            wall_s=time.monotonic() - began, cpu_s=usage.ru_utime + usage.ru_stime,
-            peak_memory_bytes=usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024),
-        )  # fmt: skip
+@contextlib.contextmanager
+def _endings_interrupt() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP do what Ctrl-C does, where nobody else has a say in them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
 
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
 
-def _text(stream: IO[bytes]) -> str:
-    stream.seek(0)
-    return stream.read().decode("utf-8", "replace")
-
-
-def _key(job: Job) -> str:
-    """Return what must be the same for a job to be the same: version, arguments, content of the inputs."""
-    parts = [__version__, *job.arguments, *(json.dumps(part) for part in _contents(job.inputs))]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()
-
-
-def _contents(inputs: Sequence[Path]) -> Iterator[object]:
-    for path in inputs:
-        yield describe_inputs([path]) if path.exists() else f"{path} is not there"
-
-
-def _read_record(record: Path, key: str) -> JobOutcome | None:
+    ours = [ending for ending in _ENDINGS if signal.getsignal(ending) is signal.SIG_DFL]
+    for ending in ours:
+        signal.signal(ending, interrupt)
     try:
-        document = json.loads(record.read_text(encoding="utf-8"))
-        return JobOutcome(**{**document["outcome"], "reused": True}) if document["key"] == key else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+        yield
+    finally:
+        for ending in ours:
+            signal.signal(ending, signal.SIG_DFL)

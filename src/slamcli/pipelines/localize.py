@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.errors import UsageError
+from slamcli.errors import FormatError, UsageError
 from slamcli.evaluation import AlignMode
 from slamcli.formats.maps import MapFile, read_map
 from slamcli.localization.amcl_parameters import AmclParameters
@@ -87,6 +87,9 @@ def run_localize(request: LocalizeRequest, log: RunLog) -> Localized:
     began = time.perf_counter()
     if not request.inputs:
         raise UsageError("nothing to localise: name a recording")
+    for path in request.inputs:  # before anything is said of the map or the start
+        if not path.exists():
+            raise FormatError(f"{path}: no such file")
     if request.start is not None and request.everywhere:
         raise UsageError("--start says where the robot begins, --global that nobody knows: give one of them")
     config = load_declared(ALGO, AmclParameters, request.config_files, request.sets, log, request.launch_arguments)

@@ -19,6 +19,7 @@ from slamcli.formats.keyframe_graphs import g2o_of_keyframes, write_covisibility
 from slamcli.formats.map_modes import Mode
 from slamcli.formats.maps import write_map
 from slamcli.formats.octomap import write_octomap
+from slamcli.formats.particles import write_particles
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.formats.trajectories import write_tum
 from slamcli.grids.octree import Octree
@@ -103,6 +104,8 @@ def write_result(
         write_closures(folder / "closures.csv", result.closures)
     if result.cloud is not None and choices.cloud_format != "none":
         write_cloud(folder / f"cloud.{choices.cloud_format}", result.cloud, colour=choices.cloud_colour)
+    if result.particles is not None:
+        write_particles(folder / "particles.npz", result.particles)
     if result.octree is not None:
         _write_octree(folder, result.octree, result.trajectory.frame_id)
     truth = None if score is None else laid_over(result.trajectory, "truth", score.reference, "fit", log)[1]

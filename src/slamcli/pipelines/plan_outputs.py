@@ -13,6 +13,7 @@ from slamcli.errors import UsageError
 from slamcli.outputs import atomic_directory, atomic_file
 from slamcli.pipelines.plan import Answer, PlanningSite, require_path
 from slamcli.pipelines.run_record import describe_inputs, run_document, to_json
+from slamcli.pipelines.schemas import stamped
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
@@ -87,7 +88,8 @@ def _write_csv(target: Path, _site: PlanningSite, answer: Answer) -> None:
 
 def _write_json(target: Path, site: PlanningSite, answer: Answer) -> None:
     with atomic_file(target) as stream:
-        json.dump({"map": str(site.map.path), **answer.document(points=True, timing=False)}, stream, indent=1)
+        document = {"map": str(site.map.path), **answer.document(points=True, timing=False)}
+        json.dump(stamped("plan-path", document), stream, indent=1, allow_nan=False)
         stream.write("\n")
 
 

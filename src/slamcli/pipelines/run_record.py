@@ -15,6 +15,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from slamcli import __version__
+from slamcli.pipelines.json_text import json_text, plain
+from slamcli.pipelines.schemas import stamped
 from slamcli.runtime import RunLog, peak_memory_bytes
 
 _BLOCK = 1 << 20
@@ -67,7 +69,7 @@ def run_document(
     outputs: Sequence[str],
 ) -> dict[str, Any]:
     """Return the document; everything under ``timing`` and ``peak_memory_bytes`` may differ from run to run, nothing else may."""
-    return {
+    document = {
         "slamcli": __version__,
         "command": command,
         "algo": algo,
@@ -97,6 +99,7 @@ def run_document(
         },
         "peak_memory_bytes": peak_memory_bytes(),
     }
+    return stamped("run", document)
 
 
 def step_columns(steps: Mapping[str, NDArray[Any]]) -> dict[str, list[Any]]:
@@ -108,15 +111,12 @@ def step_columns(steps: Mapping[str, NDArray[Any]]) -> dict[str, list[Any]]:
 
 
 def to_json(document: Mapping[str, Any]) -> str:
-    """Return the document as JSON text; arrays become lists, what has no JSON form its text, a column of steps one line."""
-    text = json.dumps(
-        {name: value for name, value in document.items() if name != "steps"},
-        indent=2,
-        default=lambda value: value.tolist() if hasattr(value, "tolist") else str(value),
-    )
+    """Return the document as `json_text` does, a column of steps on one line."""
+    text = json_text({name: value for name, value in document.items() if name != "steps"})
     if document.get("steps"):
         columns = ",\n".join(
-            f"    {json.dumps(name)}: {json.dumps(column)}" for name, column in document["steps"].items()
+            f"    {json.dumps(name)}: {json.dumps(plain(column), allow_nan=False)}"
+            for name, column in document["steps"].items()
         )
         text = f'{text[:-2]},\n  "steps": {{\n{columns}\n  }}\n}}'
     return text + "\n"

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from slamcli.formats.octomap import read_octomap
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
 from slamcli.outputs import atomic_file
+from slamcli.pipelines.replay_inputs import read_run
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import Alignment, laid_over
 from slamcli.pipelines.view_source import OCTREES, default_output, find_kind
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from slamcli.measurements import PointCloud
     from slamcli.posegraph import MapState
     from slamcli.recordings.mends import Mends
-
-_MAX_RUN_JSON_BYTES = 64 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,16 +272,5 @@ def trajectory_facts(trajectory: Trajectory) -> dict[str, Any]:
 
 def _run_facts(path: Path, log: RunLog) -> dict[str, Any]:
     """Return what of a run's record belongs beside its picture."""
-    if not path.is_file():
-        return {}
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(_MAX_RUN_JSON_BYTES + 1)
-        run = json.loads(data) if len(data) <= _MAX_RUN_JSON_BYTES else None
-    except (OSError, ValueError, RecursionError) as error:
-        log.warn(f"{path} cannot be read and is left out: {error}")
-        return {}
-    if not isinstance(run, dict):
-        log.warn(f"{path} is not a run record and is left out")
-        return {}
+    run = read_run(path, log)
     return {key: run[key] for key in ("algo", "seed", "timing", "summary") if key in run}
