@@ -23,12 +23,13 @@ from slamcli.pipelines.replay_images import find_images
 from slamcli.pipelines.replay_inputs import find_recording, input_names, read_run
 from slamcli.pipelines.replay_particles import load_particles
 from slamcli.pipelines.replay_scans import follow_ranges
-from slamcli.pipelines.replay_tracks import GraphTrack, ParticleTrack, ReplayImage, ScanTrack, SubmapTrack
+from slamcli.pipelines.replay_tracks import GraphTrack, ReplayImage, ScanTrack, SubmapTrack
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import laid_over
 from slamcli.recordings import Mends
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+from slamcli.trajectory.particle_track import ParticleTrack
 
 Growth = Literal["scans", "visibility", "none"]
 

@@ -29,18 +29,6 @@ class ScanTrack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ParticleTrack:
-    """The particles of a filter after each of S steps."""
-
-    stamps_ns: NDArray[np.int64]
-    """int64 (S,)."""
-    poses: NDArray[np.float32]
-    """float32 (S, N, 3): x, y (metres), yaw (radians), map frame."""
-    weights: NDArray[np.float32]
-    """float32 (S, N), of sum 1 in each step."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GraphTrack:
     """Nodes (N) and edges (E) of a pose graph, where they ended."""
 
