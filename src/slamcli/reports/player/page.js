@@ -106,9 +106,12 @@ function begin(player) {
 async function start() {
   const system = matchMedia("(prefers-color-scheme: dark)");
   document.documentElement.dataset.theme = system.matches ? "dark" : "light";
+  let failed = false; // arrays that come after one that could not be loaded must not hide why
   try {
     const facts = await loadFacts();
-    const arrays = await loadArrays(facts, (done, all) => { $("loading").textContent = `Loading the result … ${done} of ${all}`; });
+    const arrays = await loadArrays(facts, (done, all) => {
+      if (!failed) $("loading").textContent = `Loading the result … ${done} of ${all}`;
+    });
     $("loading").hidden = true;
     document.querySelector("main").hidden = false;
     const player = new Player(facts, arrays);
@@ -126,6 +129,7 @@ async function start() {
     requestAnimationFrame((now) => player.frame(now));
     window.player = player;
   } catch (error) {
+    failed = true;
     $("loading").hidden = false;
     $("loading").textContent = `This result cannot be played: ${error.message}`;
     throw error;
