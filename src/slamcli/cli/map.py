@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _CHOICES = {
     "map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb", "dense": "none", "dense_voxel": 0.02, "dense_range": 5.0,
-    "octomap": False,
+    "octomap": False, "mcap": False,
 }  # fmt: skip
 """Options that say how files are written, with their defaults."""
 _KERNELS = {"orbslam3": ("vision", "up to a minute")}
@@ -152,6 +152,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 @click.option(
     "--octomap", is_flag=True, help="Also write octomap.bt and .ot, free and occupied space (--algo rtabmap)."
 )
+@click.option("--mcap", is_flag=True, help="Also write result.mcap, the run as it went, for Foxglove and RViz.")
 @click.option(
     "--truth",
     metavar="TRAJECTORY",
