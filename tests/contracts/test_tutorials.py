@@ -53,7 +53,9 @@ def test_every_tutorial_is_run():
 
 def test_blocks_are_found_with_what_they_print(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text("1. One:\n\n   ```sh\n   echo a\n   ```\n\n   ```text\n   a\n   …\n   ```\n\n```console\nno\n```\n\n```python\nx\n```\n")
+    page.write_text(
+        "1. One:\n\n   ```sh\n   echo a\n   ```\n\n   ```text\n   a\n   …\n   ```\n\n```console\nno\n```\n\n```python\nx\n```\n"
+    )
     found = steps(page)
     assert [(s.language, s.code, s.line, s.shown) for s in found] == [
         ("sh", "echo a\n", 3, ("a",)),
