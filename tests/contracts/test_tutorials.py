@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -36,13 +35,11 @@ def test_every_command_of_a_tutorial_works(page, tmp_path, environment):
     assert len(found) >= 4
     for step in found:
         where = f"{page.name}:{step.line}"
-        began = time.monotonic()
         program = ["bash", "-eu", "-o", "pipefail"] if step.language == "sh" else ["python", "-"]
         run = subprocess.run(
             program, input=step.code, cwd=folder, env=environment, text=True, timeout=900,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False,
         )  # fmt: skip
-        print(f"== {where} ({time.monotonic() - began:.1f} s)\n{step.code}--\n{run.stdout}")
         assert run.returncode == 0, f"{where}: exit code {run.returncode}\n{run.stdout}"
         assert missing(step.shown, run.stdout) is None, f"{where}: not printed as shown\n{run.stdout}"
 
