@@ -31,6 +31,7 @@ _OF_THE_RECORDING = (
     "num_point_clouds",
 )
 """Options of Cartographer's node that are found from the recording where no file says them."""
+_IMU = "TRAJECTORY_BUILDER_2D.use_imu_data"
 _BUILDERS = ("MAP_BUILDER.use_trajectory_builder_2d", "MAP_BUILDER.use_trajectory_builder_3d")
 
 
@@ -55,7 +56,7 @@ class FoundInput:
     def of(cls, folder: Path) -> FoundInput:
         """Return what the result in a folder says."""
         run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        names = (*_OF_THE_RECORDING, *_BUILDERS)
+        names = (*_OF_THE_RECORDING, *_BUILDERS, _IMU)
         known = {name: run["parameters"][name] for name in names if name in run["parameters"]}
         return cls(
             parameters=known,
@@ -109,6 +110,8 @@ def _lua(values: Mapping[str, Any], declared: Mapping[str, Declaration], found: 
     if not any(name in inside for name in _BUILDERS):
         spatial = found.parameters.get(_BUILDERS[1]) is True
         inside = {_BUILDERS[spatial]: True} | inside
+    if _IMU not in inside and inside.get(_BUILDERS[0]) is True and found.parameters.get(_IMU) is False:
+        inside[_IMU] = False  # with its default the node waits for an IMU that is not there
     absent = {name.rpartition(".")[0] for name, entry in declared.items() if entry.default is None or entry.extension}
     return format_cartographer_lua(
         {name: value for name, value in options.items() if value is not None}, inside,

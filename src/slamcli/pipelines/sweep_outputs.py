@@ -32,7 +32,7 @@ def write_sweep(sweep: Sweep, log: RunLog) -> dict[str, Any]:
         old.unlink()
     _write(folder / f"best{native.suffix}", native.text)
     with log.stage("write"):
-        document = sweep_document(sweep, _best(sweep, f"best{native.suffix}"), (), log)
+        document = sweep_document(sweep, best_of(sweep, f"best{native.suffix}"), (), log)
         pictures = sweep_figures(document)
     document["outputs"] = sorted([*_TEXTS, *pictures, f"best{native.suffix}", "runs", "jobs"])
     for name, picture in pictures.items():
@@ -71,7 +71,8 @@ def _native(sweep: Sweep) -> NativeText:
     return native_text(sweep.baseline, best.one.changes, found_by(run), camera, remark)
 
 
-def _best(sweep: Sweep, file: str) -> dict[str, Any]:
+def best_of(sweep: Sweep, file: str) -> dict[str, Any]:
+    """Return where the best set's file and run are, and the command that makes it again."""
     request, result = sweep.request, sweep.best_run
     run = result.run
     words = ["slamcli", "map", *map(str, run.subject.inputs), "--algo", request.algo]

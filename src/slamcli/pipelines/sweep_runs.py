@@ -66,6 +66,8 @@ class RunResult:
     peak_memory_bytes: int
     reused: bool
     """Whether an earlier sweep had run it."""
+    covered: float = math.nan
+    """How much of the recording it covers, as a share of what the best run covers; NaN where that is not known."""
 
 
 def found_by(run: Run) -> FoundInput:
@@ -119,7 +121,9 @@ class Bookkeeper:
         """Measure again what was measured in another way, or forget it, so that it runs again."""
         for run in runs:
             known = _read(run.figures_file)
-            if known is None or known["scoring"] == self._keys[run.subject.name]:
+            if known is not None and known["scoring"] == self._keys[run.subject.name]:
+                continue
+            if not run.figures_file.exists():
                 continue
             if (run.folder / "run.json").is_file():
                 self._measure(run)
