@@ -98,8 +98,9 @@ def run_fleet(request: FleetRequest, log: RunLog, told: Callable[[JobOutcome], N
         scheduler=request.scheduler, fresh=request.fresh, keep_stdout=False,
     )  # fmt: skip
     document = summarise(request.command, request.words, request.sources, outcomes, request.output, log)
-    document["timing"] = {"total_s": round(time.perf_counter() - began, 3), "workers": request.workers or None}
-    write_summary(request.output, document)
+    total_s = time.perf_counter() - began
+    document["timing"] = {"total_s": round(total_s, 3), "workers": request.workers or None}
+    write_summary(request.output, document, log, total_s)
     if request.junit is not None:
         with atomic_file(request.junit) as stream:
             stream.write(junit_of(document))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +15,8 @@ from slamcli import __version__
 from slamcli.outputs import atomic_file
 from slamcli.pipelines.job_process import JobOutcome
 from slamcli.pipelines.remote_files import plain_url
+from slamcli.pipelines.run_record import run_document, to_json
+from slamcli.pipelines.schemas import stamped
 from slamcli.pipelines.sources import Source
 from slamcli.reports.fleet_report import fleet_markdown, fleet_page
 from slamcli.reports.junit import JunitCase, junit_xml
@@ -34,31 +37,35 @@ def summarise(
     """Return the ``summary.json`` document; what may differ from run to run lies under ``timing`` and ``peak_memory_bytes``."""
     rows = [_row(source, outcome, output) for source, outcome in zip(sources, outcomes, strict=True)]
     counts = {state: sum(row["state"] == state for row in rows) for state in _STATES}
-    return {
-        "schema": "slamcli.summary.1",
-        "slamcli": __version__,
-        "command": command,
-        "options": list(words),
-        "counts": {"inputs": len(rows), **counts},
-        "runs": rows,
-        "warnings": list(log.warnings),
-    }
+    document = {
+        "slamcli": __version__, "command": command, "options": list(words), "counts": {"inputs": len(rows), **counts},
+        "runs": rows, "warnings": list(log.warnings),
+    }  # fmt: skip
+    return stamped("summary", document)
 
 
-def write_summary(output: Path, document: Mapping[str, Any]) -> None:
+def write_summary(output: Path, document: Mapping[str, Any], log: RunLog, total_s: float) -> None:
     """Write summary.json, .csv and .md, report.html and run.json."""
-    text = json.dumps(document, indent=2) + "\n"
-    names = ["report.html", "run.json", "summary.csv", "summary.json", "summary.md"]
-    run = {**document, "schema": "slamcli.run.1", "outputs": names}
-    del run["runs"]
     for name, content in (
-        ("summary.json", text), ("summary.md", fleet_markdown(document)), ("report.html", fleet_page(document)),
-        ("run.json", json.dumps(run, indent=2) + "\n"),
+        ("summary.json", json.dumps(document, indent=2) + "\n"), ("summary.md", fleet_markdown(document)),
+        ("summary.csv", _csv(document["runs"])), ("report.html", fleet_page(document)),
+        ("run.json", to_json(_run_record(output, document, log, total_s))),
     ):  # fmt: skip
         with atomic_file(output / name) as stream:
             stream.write(content)
-    with atomic_file(output / "summary.csv") as stream:
-        _write_csv(stream, document["runs"])
+
+
+def _run_record(output: Path, document: Mapping[str, Any], log: RunLog, total_s: float) -> dict[str, Any]:
+    """Return the ``run.json`` of the whole: what the runs read, and what is the same for all of them."""
+    runs = [_read_run(output / row["output"]) for row in document["runs"] if row["output"] is not None]
+    first = runs[0] if runs else {}
+    return run_document(
+        command=f"{document['command']} --each", algo=first.get("algo", ""), seed=first.get("seed", 0), jobs=1,
+        parameters={"options": document["options"]}, changed={}, topics={}, frames={}, log=log,
+        inputs=[entry for run in runs for entry in run.get("inputs", ())], total_s=total_s,
+        duration_s=sum(run.get("timing", {}).get("recording_s", 0.0) for run in runs), summary=document["counts"],
+        outputs=["report.html", "run.json", "summary.csv", "summary.json", "summary.md"],
+    )  # fmt: skip
 
 
 def junit_of(document: Mapping[str, Any]) -> str:
@@ -123,13 +130,15 @@ def _figures(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
         yield key, value
 
 
-def _write_csv(stream: Any, rows: Sequence[Mapping[str, Any]]) -> None:
+def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     keys = list(dict.fromkeys(key for row in rows for key in row["figures"]))
     plain = ["name", "state", "input", "exit_code", "message", "warnings"]
     timing = ["wall_s", "cpu_s", "realtime_factor"]
+    stream = io.StringIO()
     table = csv.writer(stream, lineterminator="\n")
     table.writerow([*plain, *keys, *timing, "peak_memory_bytes"])
     for row in rows:
         figures = [row["figures"].get(key, "") for key in keys]
         times = [row["timing"][key] if row["timing"][key] is not None else "" for key in timing]
         table.writerow([*(row[key] for key in plain), *figures, *times, row["peak_memory_bytes"]])
+    return stream.getvalue()
