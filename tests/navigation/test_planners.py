@@ -90,6 +90,21 @@ def test_dijkstra_and_astar_equal_the_naive_search(seed: int, inflation: float) 
             assert np.abs(np.diff(path, axis=0)).max(initial=0) <= 1
 
 
+def test_a_search_finds_the_same_way_however_often_it_was_used() -> None:
+    costmap = compute_costmap(random_world(3, 0.2, unknown=0.0), CostmapParameters(robot_radius=0.0))
+    space = SearchSpace.build(costmap, PlannerParameters())
+    random = np.random.default_rng(0)
+    free = np.argwhere(space.regions == 1)
+    used = GridSearch(space, guided=True)
+    for _ in range(300):  # its marks are wiped twice
+        start, goal = (tuple(int(v) for v in free[i]) for i in random.integers(len(free), size=2))
+        path, cost = used.find(start, goal)
+        fresh, expected = GridSearch(space, guided=True).find(start, goal)
+        assert cost == expected
+        assert np.array_equal(path, fresh)
+        assert used.reached(goal)
+
+
 def test_no_corner_is_cut() -> None:
     cells = np.zeros((3, 3), dtype=np.int8)
     cells[1, 0] = 100

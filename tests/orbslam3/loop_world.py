@@ -147,7 +147,7 @@ class World:
                     self.camera, sigmas_a=features.sigmas[a], sigmas_b=last.sigmas[b],
                 )  # fmt: skip
                 ids = sparse_map.add_points(made.points[made.ok], k, a[made.ok])
-                sparse_map.seen[k - 1, b[made.ok]] = ids
+                sparse_map.see(k - 1, b[made.ok], ids)
         self._things = things
 
 

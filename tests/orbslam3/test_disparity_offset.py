@@ -40,8 +40,8 @@ def drive(offset_px, noise_px=0.2, keyframes=8):
         )
         if k == 0:
             order = sparse_map.add_points(points, 0, np.zeros(400, dtype=np.int64))
-            sparse_map.seen[0] = -1
-            sparse_map.seen[0, :n] = order[seen]
+            sparse_map.see(0, np.arange(sparse_map.seen.shape[1]), -1)
+            sparse_map.see(0, np.arange(n), order[seen])
     return sparse_map
 
 

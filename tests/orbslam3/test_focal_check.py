@@ -42,8 +42,8 @@ def room(factor, keyframes=8, noise_px=0.3, turn=0.06):
         )
         if k == 0:
             order = sparse_map.add_points(points, 0, np.zeros(300, dtype=np.int64))
-            sparse_map.seen[0] = -1
-            sparse_map.seen[0, :n] = order[seen]
+            sparse_map.see(0, np.arange(sparse_map.seen.shape[1]), -1)
+            sparse_map.see(0, np.arange(n), order[seen])
     return sparse_map
 
 

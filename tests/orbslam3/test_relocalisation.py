@@ -74,8 +74,8 @@ class World:
         sparse_map.add_keyframe(blank, -1)
         first = np.arange(len(self.positions)) % len(blank.features)
         sparse_map.add_points(self.positions, 0, first)
-        sparse_map.seen[0] = -1
-        sparse_map.seen[0, : len(frames[0][1])] = frames[0][1]
+        sparse_map.see(0, np.arange(sparse_map.seen.shape[1]), -1)
+        sparse_map.see(0, np.arange(len(frames[0][1])), frames[0][1])
         for i, (frame, ids) in enumerate(frames[1:], 1):
             frame.points = ids.copy()
             sparse_map.add_keyframe(frame, i - 1)
@@ -106,7 +106,7 @@ def test_a_frame_is_found_where_it_was_taken(camera):
 def test_the_candidate_that_holds_most_wins_and_the_same_comes_again():
     world = World(2)
     sparse_map = world.build((0.0, 0.3, 2.4))
-    sparse_map.seen[2, ::2] = -1
+    sparse_map.see(2, np.arange(0, sparse_map.seen.shape[1], 2), -1)
     sparse_map.covisible = lambda keyframe: (np.empty(0, np.int64), np.empty(0, np.int64))  # each stands alone
     frame, _ = world.frame(9, pose(0.1))
     every = RelocalisationSettings(surely_held=10_000, least_held=20)

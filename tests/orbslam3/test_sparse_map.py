@@ -37,33 +37,10 @@ def rng():
     return np.random.default_rng(5)
 
 
-def test_shared_points_are_counted_as_by_hand(rng):
+def test_what_keyframes_see_is_marked_as_by_hand(rng):
     seen = rng.integers(-1, 12, (6, 9))
-    marked = rng.random(12) < 0.5
-    counts = kernels.count_shared(seen, 5, marked)
-    assert counts.tolist() == [sum(p >= 0 and marked[p] for p in row) for row in seen[:5].tolist()]
-    right = np.where(rng.random((6, 9)) < 0.5, np.nan, 3.0)
-    observed = kernels.count_observations(seen, right, 5, 12)
-    assert observed.tolist() == [int(((seen[:5] == p) * np.where(np.isnan(right[:5]), 1, 2)).sum()) for p in range(12)]
     chosen = kernels.mark_seen(seen, np.array([1, 4]), 12)
     assert np.flatnonzero(chosen).tolist() == sorted({p for k in (1, 4) for p in seen[k].tolist()} - {-1})
-
-
-def test_observations_are_listed_by_point_and_keyframe(rng):
-    seen = rng.integers(-1, 12, (6, 9))
-    rows = np.full(12, -1, dtype=np.int64)
-    rows[[7, 2]] = [0, 1]
-    offsets, keyframes, at = kernels.list_observations(seen, 6, rows, 2)
-    for row, point in enumerate((7, 2)):
-        found = list(zip(keyframes[offsets[row] : offsets[row + 1]], at[offsets[row] : offsets[row + 1]], strict=True))
-        assert found == [tuple(pair) for pair in np.argwhere(seen == point).tolist()]
-
-
-def test_a_keyframe_sees_a_merged_point_once():
-    seen = np.array([[0, 1, -1], [1, 2, -1], [2, 3, 1]])
-    target = np.array([0, 0, -1, 3])  # 1 becomes 0, 2 goes
-    kernels.replace_points(seen, 3, target)
-    assert seen.tolist() == [[0, -1, -1], [0, -1, -1], [-1, 3, 0]]
 
 
 def test_merging_follows_chains_and_frames_follow_merging(rng):

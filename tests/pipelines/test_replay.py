@@ -105,7 +105,7 @@ def test_particles_are_read_and_checked(place, tmp_path):
     assert "weights (2, 4) do not fit" in log.warnings[0]
     (folder / "particles.npz").write_bytes(b"no archive")
     assert load_replay(folder, log=log).particles is None
-    assert "cannot be read and is left out" in log.warnings[1]
+    assert "cannot be read as a track of particles" in log.warnings[1]
 
 
 def test_edges_of_keyframes_come_with_their_later_end(place, tmp_path):

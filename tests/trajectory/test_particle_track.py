@@ -37,7 +37,7 @@ def test_nothing_is_a_track_too():
 
 
 def test_shapes_that_do_not_fit_are_refused():
-    with pytest.raises(DataError, match="a track of particles with stamps"):
+    with pytest.raises(DataError, match="particles whose stamps"):
         ParticleTrack(
             stamps_ns=np.arange(2),
             poses=np.zeros((2, 3, 3), dtype=np.float32),

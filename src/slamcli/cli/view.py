@@ -9,15 +9,17 @@ from typing import Any
 import click
 
 from slamcli.cli.console import Console, print_json
+from slamcli.cli.desktop import show
 from slamcli.cli.options import json_option, verbosity_options
 from slamcli.cli.recording_options import recording_options
+from slamcli.cli.view_player import check_pictures, check_player, export_page, player_options, serve_page
 
 
 @click.command(name="view")
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
-    help="Where the picture goes (.png), or a result as an .mcap for Foxglove. Default: view.png in a result folder, else NAME-view.png beside the source.",
+    help="Where the picture goes (.png), or a result as a recording for Foxglove and RViz (.mcap, .bag, a folder). Default: view.png in a result folder, else NAME-view.png beside the source.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), metavar="FILE",
@@ -40,7 +42,14 @@ from slamcli.cli.recording_options import recording_options
     "--scans", type=click.IntRange(0, 100_000), default=200, show_default=True,
     help="Recordings: draw so many scans, spread evenly, where odometry says the robot was.",
 )  # fmt: skip
-@click.option("--open", "open_it", is_flag=True, help="Show the picture with the desktop's viewer.")
+@click.option(
+    "--open", "open_it", is_flag=True, help="Show the picture with the desktop's viewer, or the page with its browser."
+)
+@player_options
+@click.option(
+    "--recording", "recordings", type=click.Path(path_type=Path), metavar="BAG", multiple=True,
+    help="Results: the recording that it was made of (once for each file). Default: found beside the result by name and size.",
+)  # fmt: skip
 @recording_options
 @json_option
 @verbosity_options
@@ -56,6 +65,11 @@ def command(
     scans: int,
     mends: Any,
     open_it: bool,
+    serve: bool,
+    port: int,
+    host: str,
+    export: Path | None,
+    recordings: tuple[Path, ...],
     as_json: bool,
     verbosity: int,
 ) -> int:
@@ -69,7 +83,8 @@ def command(
     slamcli view map.yaml -o map.png            any map that map_server reads
     slamcli view state.pbstream                 map and trajectory of a state of Cartographer
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
-    slamcli view intel -o intel.mcap            map, path, poses and tf for Foxglove and RViz
+    slamcli view intel -o intel.mcap            the run as it went, for Foxglove and RViz
+    slamcli view intel --serve                  plays it in the browser
     slamcli view drive.bag                      topics over time, odometry and scans
 
     Exit codes: 0 drawn, 2 wrong usage or input.
@@ -79,6 +94,15 @@ def command(
 
     with Console(verbosity) as console:
         log = RunLog(console)
+        if serve or export is not None:
+            source = check_player(sources, output, serve=serve, export=export)
+            inputs = {"recording": recordings, "truth": truth, "mends": mends}
+            if export is None:
+                return serve_page(
+                    source, console, host=host, port=port, open_it=open_it, as_json=as_json, inputs=inputs
+                )
+            return export_page(source, export, console, open_it=open_it, as_json=as_json, inputs=inputs)
+        check_pictures(port=port, host=host)
         options = ViewOptions(
             truth=truth,
             align=align,
@@ -88,6 +112,7 @@ def command(
             duration_s=duration_s,
             scans=scans,
             mends=mends,
+            recording=recordings,
         )
         seen = view(list(sources), output, options, log)
         console.tell(log)
@@ -96,16 +121,6 @@ def command(
             print_json({**document, "notes": log.notes, "warnings": log.warnings}, "view")
         else:
             click.echo(str(seen.output))
-        if open_it and not _show(seen.output):
+        if open_it and not show(str(seen.output)):
             console.warn(f"there is no desktop to show {seen.output} on")
     return 0
-
-
-def _show(path: Path) -> bool:
-    """Open a file with the desktop's viewer and return whether there is one."""
-    import os
-    import sys
-
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        return False
-    return click.launch(str(path)) == 0

@@ -17,6 +17,8 @@ Bytes = NDArray[np.uint8]
 SQRT2 = 1.4142135623730951
 HAIR = 1e-9
 """Costs that differ by less are the same."""
+GENERATIONS = 127
+"""Searches after which the work space is full of their marks."""
 
 
 @njit(cache=True)
@@ -40,7 +42,7 @@ def _doubled(values: Ints) -> Ints:
 @njit(cache=True)
 def search(
     cost: Bytes, weight: Floats, width: int, start: int, goal: int, guided: bool, landmarks: Floats, bucket: float,
-    num_buckets: int, g: Floats, state: Ints, parent: Bytes, generation: int,
+    num_buckets: int, g: Floats, state: Bytes, parent: Bytes, generation: int,
 ) -> float:  # fmt: skip
     """Fill `g` and `parent` until the cheapest way from `start` to `goal` is known; return its cost, inf if none.
 
@@ -49,8 +51,8 @@ def search(
     cost : uint8 (N,) costs with a blocked border; weight : float64 (256,) weight of a cell per unit length, at least
     1, inf where blocked; width : columns with border; guided : A* with `lower_bound`, else
     Dijkstra; landmarks : see `lower_bound`; bucket : width of a priority bucket; num_buckets : more than the greatest rise of the priority over one
-    edge, in buckets; g : float64 (N,), state : int64 (N,), parent : uint8 (N,) work space that is kept from call to
-    call; generation : a number that grows by one from call to call, from 1.
+    edge, in buckets; g : float64 (N,), state : uint8 (N,), parent : uint8 (N,) work space that is kept from call to
+    call; generation : a number that grows by one from call to call, from 1 to `GENERATIONS`; `state` is all 0 before the first.
 
     Notes
     -----
@@ -76,14 +78,15 @@ def search(
         down, across = abs(start // width - goal_row), abs(start % width - goal_column)
         current = int(lower_bound(landmarks, start, goal, down, across) / bucket)
     nodes[0], links[0], hopes[0], used = start, -1, 0.0, 1
-    heads[current % num_buckets] = 0
+    slot = current % num_buckets
+    heads[slot] = 0
     while waiting > 0:
-        slot = current % num_buckets
         entry = heads[slot]
         if entry < 0:
             if int(min(known, 1e15) / bucket) <= current:
                 break
             current += 1
+            slot = slot + 1 if slot + 1 < num_buckets else 0
             continue
         heads[slot] = links[entry]
         links[entry] = spare
@@ -101,13 +104,13 @@ def search(
             toll = weight[cost[neighbour]]
             if toll == np.inf:
                 continue
+            cheaper = base + lengths[k] * (half + 0.5 * toll)
+            if state[neighbour] >= opened and g[neighbour] <= cheaper + HAIR:
+                continue
             if (
                 lengths[k] > 1.0
                 and max(weight[cost[node + columns[k]]], weight[cost[node + rows[k] * width]]) == np.inf
             ):
-                continue
-            cheaper = base + lengths[k] * (half + 0.5 * toll)
-            if state[neighbour] >= opened and g[neighbour] <= cheaper + HAIR:
                 continue
             g[neighbour] = cheaper
             state[neighbour] = opened
@@ -120,7 +123,9 @@ def search(
             if priority > known - HAIR:
                 continue
             # Rounding may put a priority a hair below the current bucket.
-            into = max(current, int(priority / bucket)) % num_buckets
+            into = slot + max(0, int(priority / bucket) - current)
+            if into >= num_buckets:
+                into -= num_buckets
             if spare < 0:
                 if used == len(nodes):
                     nodes, links, hopes = _doubled(nodes), _doubled(links), np.concatenate((hopes, hopes))

@@ -39,7 +39,7 @@ class GridSearch:
         self._levels = np.ascontiguousarray(space.levels).reshape(-1)
         self._weight = np.where(space.blocked, np.inf, space.weight)
         self._g = np.empty(size, dtype=np.float64)
-        self._state = np.zeros(size, dtype=np.int64)
+        self._state = np.zeros(size, dtype=np.uint8)
         self._parent = np.empty(size, dtype=np.uint8)
         self._generation = 0
         rise = kernels.SQRT2 * 2.0 * float(space.weight[~space.blocked].max(initial=1.0))
@@ -105,6 +105,9 @@ class GridSearch:
 
     def _run(self, source: int, target: int, *, guided: bool) -> float:
         space = self._space
+        if self._generation == kernels.GENERATIONS:
+            self._state[:] = 0
+            self._generation = 0
         self._generation += 1
         cost: float = kernels.search(
             self._levels,

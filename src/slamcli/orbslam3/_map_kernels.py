@@ -11,24 +11,17 @@ import math
 import numpy as np
 from numba import njit
 
-
-@njit(cache=True, nogil=True)
-def count_shared(seen, num_keyframes, marked):
-    """Return int64 (K,): how many features of each keyframe see a marked point; `marked` bool (P,)."""
-    counts = np.zeros(num_keyframes, np.int64)
-    for k in range(num_keyframes):
-        n = 0
-        for i in range(seen.shape[1]):
-            p = seen[k, i]
-            if p >= 0 and marked[p]:
-                n += 1
-        counts[k] = n
-    return counts
+ONES = np.uint64(0x5555555555555555)
+TWOS = np.uint64(0x3333333333333333)
+FOURS = np.uint64(0x0F0F0F0F0F0F0F0F)
+BYTES = np.uint64(0x00FF00FF00FF00FF)
+LAST = np.uint64(0xFFFF)
+U1, U2, U4, U8, U16, U32 = np.uint64(1), np.uint64(2), np.uint64(4), np.uint64(8), np.uint64(16), np.uint64(32)
 
 
 @njit(cache=True, nogil=True)
 def count_all_shared(offsets, keyframes, num_keyframes):
-    """Return int64 (K, K): how many points each two keyframes share, from who sees each point (`list_observations`)."""
+    """Return int64 (K, K): how many points each two keyframes share, from who sees each point (`SparseMap.observations`)."""
     shared = np.zeros((num_keyframes, num_keyframes), np.int64)
     for r in range(len(offsets) - 1):
         for a in range(offsets[r], offsets[r + 1]):
@@ -50,88 +43,67 @@ def mark_seen(seen, keyframes, num_points):
     return marked
 
 
-@njit(cache=True, nogil=True)
-def count_observations(seen, right, num_keyframes, num_points):
-    """Return int64 (P,): how often each point is seen, twice where a right column (K, F) tells its depth (NaN: it does not)."""
-    counts = np.zeros(num_points, np.int64)
-    for k in range(num_keyframes):
-        for i in range(seen.shape[1]):
-            p = seen[k, i]
-            if p >= 0:
-                counts[p] += 1 if math.isnan(right[k, i]) else 2
-    return counts
+@njit(cache=True, nogil=True, inline="always")
+def _bits(x):
+    """The number of bits set in each byte of a word."""
+    x = x - ((x >> U1) & ONES)
+    x = (x & TWOS) + ((x >> U2) & TWOS)
+    return (x + (x >> U4)) & FOURS
 
 
 @njit(cache=True, nogil=True)
-def list_observations(seen, num_keyframes, row_of_point, num_rows):
-    """Return the observations of chosen points as rows: offsets (R + 1,), keyframes (M,), features (M,).
-
-    `row_of_point` (P,) is the row of a point or -1; within a row keyframes stand in increasing order.
-    """
-    offsets = np.zeros(num_rows + 1, np.int64)
-    for k in range(num_keyframes):
-        for i in range(seen.shape[1]):
-            p = seen[k, i]
-            if p >= 0 and row_of_point[p] >= 0:
-                offsets[row_of_point[p] + 1] += 1
-    for r in range(num_rows):
-        offsets[r + 1] += offsets[r]
-    filled = offsets[:-1].copy()
-    keyframes = np.empty(offsets[num_rows], np.int64)
-    features = np.empty(offsets[num_rows], np.int64)
-    for k in range(num_keyframes):
-        for i in range(seen.shape[1]):
-            p = seen[k, i]
-            if p >= 0 and row_of_point[p] >= 0:
-                at = filled[row_of_point[p]]
-                keyframes[at] = k
-                features[at] = i
-                filled[row_of_point[p]] = at + 1
-    return offsets, keyframes, features
+def _distance(a, b):
+    """Return the Hamming distance of two descriptors, uint64 (4,)."""
+    total = _bits(a[0] ^ b[0]) + _bits(a[1] ^ b[1]) + _bits(a[2] ^ b[2]) + _bits(a[3] ^ b[3])
+    total = (total & BYTES) + ((total >> U8) & BYTES)
+    total = total + (total >> U16)
+    return np.int64((total + (total >> U32)) & LAST)
 
 
 @njit(cache=True, nogil=True)
-def replace_points(seen, num_keyframes, target):
-    """Let every observation of p be one of target[p] (-1: of none); a keyframe that sees the target already keeps that one."""
-    owner = np.full(len(target), -1, np.int64)  # last keyframe that was found to see a point
-    for k in range(num_keyframes):
-        for i in range(seen.shape[1]):
-            p = seen[k, i]
-            if p >= 0 and target[p] == p:
-                owner[p] = k
-        for i in range(seen.shape[1]):
-            p = seen[k, i]
-            if p < 0 or target[p] == p:
-                continue
-            q = target[p]
-            if q >= 0 and owner[q] != k:
-                seen[k, i] = q
-                owner[q] = k
-            else:
-                seen[k, i] = -1
+def _lower_median(values, n, work):
+    """Return the lower median of the first n values; `work` takes a sorted copy."""
+    for a in range(n):
+        value, b = values[a], a
+        while b > 0 and work[b - 1] > value:
+            work[b] = work[b - 1]
+            b -= 1
+        work[b] = value
+    return work[(n - 1) // 2]
 
 
 @njit(cache=True, nogil=True)
-def _distance(a, b, popcount):
-    """Return the Hamming distance of two rows of bytes."""
-    d = 0
-    for j in range(a.shape[0]):
-        d += popcount[a[j] ^ b[j]]
-    return d
+def _central(descriptors, keyframes, features, apart, work):
+    """Return which of some features has the descriptor with the least median distance to the others; the first of equals."""
+    n = len(keyframes)
+    for a in range(n):
+        for b in range(a + 1, n):
+            d = _distance(descriptors[keyframes[a], features[a]], descriptors[keyframes[b], features[b]])
+            apart[a, b] = d
+            apart[b, a] = d
+        apart[a, a] = 0
+    best, least = 0, 1 << 30
+    for a in range(n):
+        median = _lower_median(apart[a], n, work)
+        if median < least:
+            least = median
+            best = a
+    return best
 
 
 @njit(cache=True, nogil=True)
 def refresh_points(
-    offsets, keyframes, features, ids, positions, centres, octaves, all_descriptors, scales, popcount, reference, normals, near, far, descriptors
+    offsets, keyframes, features, ids, positions, centres, octaves, all_descriptors, scales, changed, reference, normals, near, far, descriptors
 ):  # fmt: skip
     """Set viewing direction, range of distances and descriptor of points `ids` (R,) from their observations.
 
-    The descriptor is the one with the least median distance to the others (ORB-SLAM, section V-C).
+    The descriptor, uint64 (4,), is the one with the least median distance to the others (ORB-SLAM, section V-C). It depends on who sees the
+    point alone, so it stays where that is not `changed` (P,) since it was computed last; that mark is taken away.
     """
     most = 1
     for r in range(len(ids)):
         most = max(most, offsets[r + 1] - offsets[r])
-    apart = np.zeros((most, most), np.int64)
+    apart, work = np.zeros((most, most), np.int64), np.zeros(most, np.int64)
     for r in range(len(ids)):
         p, first, n = ids[r], offsets[r], offsets[r + 1] - offsets[r]
         if n == 0:
@@ -162,25 +134,13 @@ def refresh_points(
         )
         far[p] = distance * scales[octaves[k, features[anchor]]]
         near[p] = far[p] / scales[len(scales) - 1]
-        best, least = 0, 1 << 30
-        for a in range(n):
-            for b in range(a + 1, n):
-                d = _distance(
-                    all_descriptors[keyframes[first + a], features[first + a]],
-                    all_descriptors[keyframes[first + b], features[first + b]],
-                    popcount,
-                )
-                apart[a, b] = d
-                apart[b, a] = d
-            apart[a, a] = 0
-        for a in range(n):
-            median = np.sort(apart[a, :n])[(n - 1) // 2]
-            if median < least:
-                least = median
-                best = a
-        k, i = keyframes[first + best], features[first + best]
-        for j in range(32):
-            descriptors[p, j] = all_descriptors[k, i, j]
+        if changed[p]:
+            changed[p] = False
+            at = first + _central(
+                all_descriptors, keyframes[first : first + n], features[first : first + n], apart, work
+            )
+            for j in range(4):
+                descriptors[p, j] = all_descriptors[keyframes[at], features[at], j]
 
 
 @njit(cache=True, nogil=True)
@@ -189,8 +149,8 @@ def count_redundant(
 ):  # fmt: skip
     """Return (redundant, total) of the points that a keyframe sees closely: seen by `least` others at the same or a finer scale.
 
-    `close` bool (F,) says which features count; `observations` (P,) how often a point is seen; the rest is who sees each point
-    (`list_observations`), of which only living keyframes count.
+    `close` bool (F,) says which features count; `observations` (R,) how often the point of a row is seen; the rest is who sees each
+    point (`SparseMap.sightings`), of which only living keyframes count.
     """
     total, redundant = 0, 0
     for i in range(seen.shape[1]):
@@ -198,10 +158,10 @@ def count_redundant(
         if p < 0 or not close[i]:
             continue
         total += 1
-        if observations[p] <= least:
+        r = row_of_point[p]
+        if observations[r] <= least:
             continue
         finer = 0
-        r = row_of_point[p]
         for m in range(offsets[r], offsets[r + 1]):
             k = keyframes[m]
             if k != keyframe and alive[k] and octaves[k, features[m]] <= octaves[keyframe, i] + 1:

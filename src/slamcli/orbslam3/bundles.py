@@ -61,7 +61,7 @@ def adjust(
     _write(sparse_map, result, cameras[~fixed], np.flatnonzero(~fixed), ids)
     out = np.ones(len(points), dtype=np.bool_)
     out[held] = False
-    sparse_map.seen[part.keyframes[out], part.features[out]] = -1
+    sparse_map.see(part.keyframes[out], part.features[out], -1)
     # An observation with depth is worth two: it says where the point is.
     worth = np.bincount(points[held], weights=1.0 + np.isfinite(problem.right[held]), minlength=len(ids))
     lonely = ids[worth < 2]
@@ -90,13 +90,15 @@ def part_of(sparse_map: SparseMap, free: Ids) -> Part | None:
     if len(ids) < 3:
         return None
     offsets, keyframes, features = sparse_map.observations(ids)
-    cameras = np.unique(keyframes)
+    cameras = np.flatnonzero(np.bincount(keyframes))
     fixed = ~np.isin(cameras, free)
     if not fixed.any():
         fixed[0] = True
+    row_of_camera = np.full(sparse_map.num_keyframes, -1, dtype=np.int64)
+    row_of_camera[cameras] = np.arange(len(cameras))
     problem = BundleProblem(
         T_camera_map=sparse_map.T_camera_map[cameras], fixed=fixed, points=sparse_map.positions[ids],
-        camera_index=np.searchsorted(cameras, keyframes), point_index=np.repeat(np.arange(len(ids)), np.diff(offsets)),
+        camera_index=row_of_camera[keyframes], point_index=np.repeat(np.arange(len(ids)), np.diff(offsets)),
         pixels=sparse_map.pixels[keyframes, features], right=sparse_map.right[keyframes, features],
         sigmas=sparse_map.sigmas[keyframes, features], camera=sparse_map.camera,
     )  # fmt: skip

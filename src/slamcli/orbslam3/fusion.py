@@ -72,13 +72,12 @@ def fuse(
         good = chi2 < np.where(stereo, _CHI2_STEREO, _CHI2_MONO)
         at, ids = at[good], ids[good]
     free = row[at] < 0
-    sparse_map.seen[keyframe, at[free]] = ids[free]
+    sparse_map.see(keyframe, at[free], ids[free])
     there, given = sparse_map.seen[keyframe, at[~free]].copy(), ids[~free]
     if len(there):
         if prefer_given:
             sparse_map.merge_points(there, given)
         else:
-            counts = sparse_map.count_observations()
-            stays = counts[there] >= counts[given]
+            stays = sparse_map.count_observations(there) >= sparse_map.count_observations(given)
             sparse_map.merge_points(np.where(stays, given, there), np.where(stays, there, given))
     return len(at)

@@ -101,7 +101,7 @@ class MonocularStart:
         b = sparse_map.add_keyframe(frame, a, self._make_words(frame))
         colours = None if frame.colours is None else frame.colours[at_frame]
         ids = sparse_map.add_points(points * scale, a, at_first, colours)
-        sparse_map.seen[b, at_frame] = ids
+        sparse_map.see(b, at_frame, ids)
         sparse_map.refresh_points(ids)
         adjust_all(sparse_map, rounds=(10, 10))
         _normalise(sparse_map, a)

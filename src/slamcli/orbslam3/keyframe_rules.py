@@ -45,7 +45,7 @@ def needs_keyframe(
     alive = len(sparse_map.living_keyframes)
     seen = sparse_map.seen[frame.reference]
     ids = seen[seen >= 0]
-    observed = sparse_map.count_observations()[ids]
+    observed = sparse_map.count_observations(ids)
     in_reference = int((observed >= (2 if alive <= 2 else 3)).sum())
     share = settings.share_at_first if with_depth and alive < 2 else settings.share
     close, free = 0, 0

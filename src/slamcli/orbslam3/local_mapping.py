@@ -81,7 +81,7 @@ class LocalMapping:
         recent = self._recent[sparse_map.point_alive[self._recent]]
         if not len(recent):
             return
-        seen = sparse_map.count_observations()[recent]
+        seen = sparse_map.count_observations(recent)
         age = keyframe - sparse_map.first_keyframe[recent]
         rare = sparse_map.found[recent] < _LEAST_FOUND * sparse_map.visible[recent]
         lonely = (age >= 2) & (seen <= self._settings.least_observations)
@@ -93,8 +93,8 @@ class LocalMapping:
     def _cull_keyframes(self, sparse_map: SparseMap, keyframe: int) -> None:
         """Take out keyframes around the newest whose points others see as well (ORB-SLAM, section VI-E)."""
         neighbours, _ = sparse_map.covisible(keyframe)
-        observations = sparse_map.count_observations()
-        sightings = sparse_map.sightings(sparse_map.points_of(neighbours))
+        ids = sparse_map.points_of(neighbours)
+        observations, sightings = sparse_map.count_observations(ids), sparse_map.sightings(ids)
         for k in sorted(neighbours.tolist()):
             if sparse_map.parent[k] < 0 or k >= keyframe - 1:
                 continue
@@ -103,7 +103,7 @@ class LocalMapping:
             close = self._close(sparse_map, k)
             if sparse_map.redundancy(k, close, observations, 3, sightings) > self._settings.culling:
                 sparse_map.remove_keyframe(k)
-                observations = sparse_map.count_observations()
+                observations = sparse_map.count_observations(ids)
                 self._counts["keyframes culled"] += 1
 
     def _close(self, sparse_map: SparseMap, keyframe: int) -> NDArray[np.bool_]:

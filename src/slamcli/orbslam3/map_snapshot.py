@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slamcli.orbslam3.sparse_map import Ids, SparseMap
 
 _MUTABLE = (
-    "T_camera_map", "keyframe_alive", "parent", "T_camera_parent", "seen", "positions", "normals", "descriptors", "near", "far",
+    "T_camera_map", "keyframe_alive", "parent", "T_camera_parent", "positions", "normals", "descriptors", "near", "far",
     "reference", "point_alive", "visible", "found", "replaced_by",
 )  # fmt: skip
 _CHI2_MONO, _CHI2_STEREO = 5.991, 7.815
@@ -24,12 +24,14 @@ class MapSnapshot:
 
     def __init__(self, sparse_map: SparseMap) -> None:
         self._columns: dict[str, NDArray[Any]] = {name: getattr(sparse_map, name).copy() for name in _MUTABLE}
+        self._seen = sparse_map.seen.copy()
         self._loop_edges = list(sparse_map.loop_edges)
 
     def restore(self, sparse_map: SparseMap) -> None:
         """Put everything back; no keyframe or point may have been added since."""
         for name, values in self._columns.items():
             getattr(sparse_map, name)[...] = values
+        sparse_map.restore_seen(self._seen)
         sparse_map.loop_edges[:] = self._loop_edges
 
 

@@ -35,7 +35,8 @@ class PlaceIndex:
     def __init__(self, vocabulary: Vocabulary | None) -> None:
         self._database = None if vocabulary is None else KeyframeDatabase(vocabulary)
         self._places: list[Place] = []
-        self._keys: dict[Place, int] = {}
+        self._keys: dict[int, NDArray[np.int64]] = {}
+        """By map: the key of each of its keyframes, -1 for those that have none."""
         self._sketches: list[NDArray[np.uint8]] = []
         self._known: dict[int, int] = {}
         """Keyframes of each map that are in the index: those below."""
@@ -46,7 +47,7 @@ class PlaceIndex:
         for keyframe in range(self._known.get(place.map_number, 0), place.keyframe + 1):
             key = len(self._places)
             self._places.append(Place(place.map_number, keyframe))
-            self._keys[self._places[-1]] = key
+            self._note(self._places[-1], key)
             if self._database is None:
                 self._sketches.append(_sketch(sparse_map, keyframe))
             else:
@@ -61,9 +62,7 @@ class PlaceIndex:
         own = np.array([other.map_number == place.map_number for other in self._places])
         usable = np.array([bool(maps[other.map_number].keyframe_alive[other.keyframe]) for other in self._places])
         connected, _ = maps[place.map_number].covisible(place.keyframe)
-        for keyframe in (place.keyframe, *connected.tolist()):
-            if (key := self._keys.get(Place(place.map_number, keyframe))) is not None:
-                usable[key] = False
+        usable[self._keys_of(place.map_number, np.append(connected, place.keyframe))] = False
         return (
             self._best(maps, place, usable & own, limit),
             self._best(maps, place, usable & ~own, limit) if not own.all() else [],
@@ -83,9 +82,9 @@ class PlaceIndex:
     def renumber(self, places: Sequence[Place]) -> None:
         """Give the keyframes other places: maps were joined. `places` has one for each key."""
         self._places = list(places)
-        self._keys = {place: key for key, place in enumerate(self._places)}
-        self._known = {}
-        for place in self._places:
+        self._keys, self._known = {}, {}
+        for key, place in enumerate(self._places):
+            self._note(place, key)
             self._known[place.map_number] = max(self._known.get(place.map_number, 0), place.keyframe + 1)
 
     @property
@@ -118,12 +117,20 @@ class PlaceIndex:
 
     def _keys_of(self, number: int, keyframes: Ids) -> Ids:
         """Return the keys of keyframes of a map that are in the index."""
-        keys = (self._keys.get(Place(number, keyframe)) for keyframe in keyframes.tolist())
-        return np.array([key for key in keys if key is not None], dtype=np.int64)
+        known = self._keys.get(number, np.empty(0, dtype=np.int64))
+        keys = known[keyframes[keyframes < len(known)]]
+        return keys[keys >= 0]
+
+    def _note(self, place: Place, key: int) -> None:
+        known = self._keys.get(place.map_number, np.empty(0, dtype=np.int64))
+        if place.keyframe >= len(known):
+            known = np.pad(known, (0, place.keyframe + 1), constant_values=-1)
+        known[place.keyframe] = key
+        self._keys[place.map_number] = known
 
     def _alike(self, maps: Sequence[SparseMap], place: Place, usable: NDArray[np.bool_], limit: int) -> list[Place]:
         """Return the keyframes with most matching descriptors, no two that share points."""
-        sketch = self._sketches[self._keys[place]]
+        sketch = self._sketches[self._keys[place.map_number][place.keyframe]]
         counts = np.zeros(len(usable), np.int64)
         for key in np.flatnonzero(usable).tolist():
             matched = match_brute_force(sketch, self._sketches[key], max_distance=_TH_LOW, ratio=0.9)

@@ -81,7 +81,7 @@ def _between(sparse_map: SparseMap, a: int, b: int, colours: NDArray[np.uint8] |
         good = made.ok & (positions @ T_a[2, :3] + T_a[2, 3] < farthest_m)
     at_a, at_b = at_a[good], at_b[good]
     ids = sparse_map.add_points(positions[good], a, at_a, None if colours is None else colours[at_a])
-    sparse_map.seen[b, at_b] = ids
+    sparse_map.see(b, at_b, ids)
     return ids
 
 

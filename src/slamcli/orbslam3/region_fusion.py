@@ -23,7 +23,7 @@ def fuse_region(sparse_map: SparseMap, match: PlaceMatch, connected: Ids, settin
     features = features[~np.isin(match.points[features], sparse_map.seen[keyframe])]
     own, given = sparse_map.seen[keyframe, features].copy(), match.points[features]
     region = sparse_map.points_of(region_around(sparse_map, match.place.keyframe, 2 * settings.region_size))
-    sparse_map.seen[keyframe, features[own < 0]] = given[own < 0]
+    sparse_map.see(keyframe, features[own < 0], given[own < 0])
     sparse_map.merge_points(own[own >= 0], given[own >= 0])
     for k in connected.tolist():
         region = np.unique(sparse_map.resolved(region))

@@ -4,39 +4,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from slamcli.orbslam3 import _map_kernels as kernels
+from slamcli.orbslam3 import _sighting_kernels as sighting_kernels
 from slamcli.orbslam3.frame import Frame
 from slamcli.orbslam3.rows import Rows
+from slamcli.orbslam3.sightings import Sightings, SightingTable
 from slamcli.vision.features import Features
 from slamcli.vision.matching import FeatureGrid, feature_grid
 from slamcli.vision.pictures import Picture
 from slamcli.vision.pinhole import Pinhole
 
 Ids = NDArray[np.int64]
-_POPCOUNT = np.array([bin(value).count("1") for value in range(256)], dtype=np.int64)
 _WEAK = 15
 """Keyframes that share fewer points are not neighbours in the covisibility graph (ORB-SLAM, section III-D)."""
-
-
-class Sightings(NamedTuple):
-    """Who sees chosen points, by `row_of_point` (P,), -1 for others: `offsets` (R + 1,), `keyframes` (M,), `features` (M,)."""
-
-    row_of_point: Ids
-    offsets: Ids
-    keyframes: Ids
-    features: Ids
 
 
 class SparseMap:
     """A map of points and keyframes.
 
     Rows are never taken out: a keyframe or point that was culled is dead (`keyframe_alive`, `point_alive`) and sees or is seen by
-    nothing. There is one table of observations, `seen`; everything else about who sees what is computed from it.
+    nothing. There is one table of observations, `seen`, which `see` writes; everything else about who sees what comes from it.
     """
 
     def __init__(self, camera: Pinhole, scales: NDArray[np.float64]) -> None:
@@ -55,11 +47,12 @@ class SparseMap:
         """float64 (4, 4), where the map lies in the frame of results (z up), once that is known."""
         self.version = 0
         """Goes up whenever poses or points are moved by more than local mapping does (loop, merge)."""
+        self._sightings = SightingTable()
         self._columns = {
             "T_camera_map": Rows((4, 4), np.float64), "stamp_ns": Rows((), np.int64), "frame_number": Rows((), np.int64),
             "keyframe_alive": Rows((), np.bool_), "parent": Rows((), np.int64),
             "T_camera_parent": Rows((4, 4), np.float64),
-            "seen": Rows((1,), np.int64, -1), "pixels": Rows((1, 2), np.float64), "raw_pixels": Rows((1, 2), np.float64),
+            "pixels": Rows((1, 2), np.float64), "raw_pixels": Rows((1, 2), np.float64),
             "octaves": Rows((1,), np.int64), "angles": Rows((1,), np.float64), "responses": Rows((1,), np.float64),
             "key_descriptors": Rows((1, 32), np.uint8), "sigmas": Rows((1,), np.float64, 1.0),
             "right": Rows((1,), np.float64, np.nan), "depth": Rows((1,), np.float64, np.nan),
@@ -76,6 +69,21 @@ class SparseMap:
         except KeyError:
             raise AttributeError(name) from None
         return rows.values
+
+    # observations
+
+    @property
+    def seen(self) -> Ids:
+        """int64 (K, F), the point that each feature of each keyframe sees, -1 for none; `see` writes it."""
+        return self._sightings.seen
+
+    def see(self, keyframes: ArrayLike, features: Ids, points: ArrayLike) -> None:
+        """Let features (N,) of keyframes (N,) see points (N,), -1 for none; one keyframe or point stands for N."""
+        self._sightings.write(keyframes, features, points)
+
+    def restore_seen(self, seen: Ids) -> None:
+        """Take over a whole table (K, F) of who sees what."""
+        self._sightings.restore(seen)
 
     # keyframes
 
@@ -121,7 +129,7 @@ class SparseMap:
         """
         k, features = self.num_keyframes, frame.features
         wide: dict[str, NDArray[Any]] = {
-            "seen": self.resolved(frame.points), "pixels": features.pixels, "raw_pixels": features.raw_pixels, "octaves": features.octaves,
+            "pixels": features.pixels, "raw_pixels": features.raw_pixels, "octaves": features.octaves,
             "angles": features.angles, "responses": features.responses, "key_descriptors": features.descriptors,
             "sigmas": features.sigmas, "right": features.right, "depth": features.depth,
         }  # fmt: skip
@@ -137,6 +145,7 @@ class SparseMap:
         }  # fmt: skip
         for name, value in single.items():
             self._columns[name].append(np.asarray(value)[None])
+        self._sightings.add_keyframe(self.resolved(frame.points))
         self.counts.append(len(features))
         self.grids.append(frame.grid)
         self.words.append(words)
@@ -147,7 +156,6 @@ class SparseMap:
         """Append another map's keyframes and points, dead ones too; return what is added to the numbers of each."""
         keyframes, points = self.num_keyframes, self.num_points
         shifts = {
-            "seen": points,
             "replaced_by": points,
             "parent": keyframes,
             "reference": keyframes,
@@ -163,6 +171,8 @@ class SparseMap:
                 whole[:, : values.shape[1]] = values
                 values = whole
             rows.append(values)
+        self._sightings.add_points(other.num_points)
+        self._sightings.append(other._sightings, points)
         self.grids += other.grids
         self.words += other.words
         self.pictures += other.pictures
@@ -176,7 +186,7 @@ class SparseMap:
         self.T_camera_parent[keyframe] = self.T_camera_map[keyframe] @ np.linalg.inv(self.T_camera_map[parent])
         for child in np.flatnonzero((self.parent == keyframe) & self.keyframe_alive):
             self.parent[child] = self._new_parent(int(child), keyframe, parent)
-        self.seen[keyframe] = -1
+        self.see(keyframe, np.arange(self.seen.shape[1]), -1)
         self.pictures[keyframe] = None
         self.keyframe_alive[keyframe] = False
 
@@ -209,8 +219,7 @@ class SparseMap:
 
     def covisible(self, keyframe: int, least: int = _WEAK) -> tuple[Ids, Ids]:
         """Return the keyframes that share at least `least` points, the strongest first, and how many they share."""
-        marked = kernels.mark_seen(self.seen, np.array([keyframe], dtype=np.int64), self.num_points)
-        counts = self.count_shared(marked)
+        counts = self.count_shared(np.unique(self.seen[keyframe]))
         counts[keyframe] = 0
         return _strongest(counts, least)
 
@@ -219,9 +228,9 @@ class SparseMap:
         offsets, keyframes, _ = self.observations(np.flatnonzero(self.point_alive))
         return kernels.count_all_shared(offsets, keyframes, self.num_keyframes)
 
-    def count_shared(self, marked: NDArray[np.bool_]) -> Ids:
-        """Return (K,): how many of the marked points (P,) each keyframe sees."""
-        return kernels.count_shared(self.seen, self.num_keyframes, marked)
+    def count_shared(self, ids: Ids) -> Ids:
+        """Return (K,): how many of some points each keyframe sees; each is given once, and -1 is none."""
+        return self._sightings.count_shared(ids[ids >= 0])
 
     # points
 
@@ -236,7 +245,7 @@ class SparseMap:
             "visible": np.ones(n, dtype=np.int64), "found": np.ones(n, dtype=np.int64), "first_keyframe": np.full(n, keyframe),
             "colours": np.full((n, 3), 128, dtype=np.uint8) if colours is None else colours,
         })  # fmt: skip
-        self.seen[keyframe, features] = ids
+        self.see(keyframe, features, ids)
         return ids
 
     def append_points(self, columns: Mapping[str, NDArray[Any]]) -> Ids:
@@ -246,38 +255,22 @@ class SparseMap:
             self._columns[name].append(rows)
         self._columns["point_alive"].append(np.ones(n, dtype=np.bool_))
         self._columns["replaced_by"].append(np.full(n, -1))
+        self._sightings.add_points(n)
         return np.arange(first, first + n)
 
     def remove_points(self, ids: Ids) -> None:
         """Take points out of the map."""
         if len(ids):
-            target = np.arange(self.num_points)
-            target[ids] = -1
-            kernels.replace_points(self.seen, self.num_keyframes, target)
+            self._sightings.clear(ids)
             self.point_alive[ids] = False
 
     def merge_points(self, old: Ids, new: Ids) -> None:
         """Let each new point (N,) take over what sees the old one (N,); pairs hold one after another."""
-        target = np.arange(self.num_points)
-        for gone, kept in zip(self.resolved(old).tolist(), new.tolist(), strict=True):
-            kept = int(self.resolved(np.array([kept]))[0])
-            if gone < 0 or kept < 0:  # taken out of the map meanwhile
-                continue
-            while target[gone] != gone:
-                gone = int(target[gone])
-            while target[kept] != kept:
-                kept = int(target[kept])
-            if gone == kept:
-                continue
-            target[gone] = kept
-            self.replaced_by[gone] = kept
-            self.point_alive[gone] = False
-            self.visible[kept] += self.visible[gone]
-            self.found[kept] += self.found[gone]
-        gone_ids = np.flatnonzero(target != np.arange(len(target)))
-        while (target[target[gone_ids]] != target[gone_ids]).any():
-            target[gone_ids] = target[target[gone_ids]]
-        kernels.replace_points(self.seen, self.num_keyframes, target)
+        gone = sighting_kernels.join(
+            self.resolved(old), self.resolved(new), self.replaced_by, self.point_alive, self.visible, self.found
+        )
+        if len(gone):
+            self._sightings.move(gone, self.replaced_by)
 
     def resolve(self, frame: Frame) -> None:
         """Let a frame's features see what became of the points they saw."""
@@ -286,32 +279,23 @@ class SparseMap:
     def resolved(self, ids: Ids) -> Ids:
         """Return the points that stand for `ids` now; -1 where there is none."""
         ids = np.array(ids, dtype=np.int64)
-        if not self.num_points:
-            return ids
-        for _ in range(self.num_points):
-            moved = (ids >= 0) & (self.replaced_by[ids] >= 0)
-            if not moved.any():
-                break
-            ids[moved] = self.replaced_by[ids[moved]]
-        ids[(ids >= 0) & ~self.point_alive[ids]] = -1
+        sighting_kernels.follow(self.replaced_by, self.point_alive, ids)
         return ids
 
-    def count_observations(self) -> Ids:
-        """Return (P,): how often each point is seen; an observation with depth counts twice (ORB-SLAM2, stereo)."""
-        return kernels.count_observations(self.seen, self.right, self.num_keyframes, self.num_points)
+    def count_observations(self, ids: Ids | None = None) -> Ids:
+        """Return (R,): how often points `ids`, or all, are seen; an observation with depth counts twice (ORB-SLAM2, stereo)."""
+        return self._sightings.count(np.arange(self.num_points) if ids is None else ids, self.right)
 
     def observations(self, ids: Ids) -> tuple[Ids, Ids, Ids]:
         """Return who sees points `ids` (R,): offsets (R + 1,), keyframes (M,), features (M,)."""
-        row_of_point = np.full(self.num_points, -1, dtype=np.int64)
-        row_of_point[ids] = np.arange(len(ids))
-        return kernels.list_observations(self.seen, self.num_keyframes, row_of_point, len(ids))
+        return self._sightings.of(ids)
 
     def refresh_points(self, ids: Ids) -> None:
         """Compute viewing direction, range of distances and descriptor of points anew from who sees them."""
         offsets, keyframes, features = self.observations(ids)
         kernels.refresh_points(
-            offsets, keyframes, features, ids, self.positions, self.centres, self.octaves, self.key_descriptors, self.scales, _POPCOUNT,
-            self.reference, self.normals, self.near, self.far, self.descriptors,
+            offsets, keyframes, features, ids, self.positions, self.centres, self.octaves, self.key_descriptors.view(np.uint64), self.scales,
+            self._sightings.changed, self.reference, self.normals, self.near, self.far, self.descriptors.view(np.uint64),
         )  # fmt: skip
 
     def points_of(self, keyframes: Ids) -> Ids:
@@ -322,14 +306,15 @@ class SparseMap:
         """Return who sees points `ids` (R,), to be looked up by point."""
         row_of_point = np.full(self.num_points, -1, dtype=np.int64)
         row_of_point[ids] = np.arange(len(ids))
-        return Sightings(
-            row_of_point, *kernels.list_observations(self.seen, self.num_keyframes, row_of_point, len(ids))
-        )
+        return Sightings(row_of_point, *self.observations(ids))
 
     def redundancy(
         self, keyframe: int, close: NDArray[np.bool_], observations: Ids, least: int, sightings: Sightings
     ) -> float:
-        """Return the share of a keyframe's points (features `close` (F,)) that `least` living others see as well at least as finely."""
+        """Return the share of a keyframe's points (features `close` (F,)) that `least` living others see as well at least as finely.
+
+        `observations` (R,) is how often each point of `sightings` is seen (`count_observations`).
+        """
         redundant, total = kernels.count_redundant(
             self.seen, keyframe, self.octaves, observations, close, least, *sightings, self.keyframe_alive
         )
@@ -347,7 +332,7 @@ def _strongest(counts: Ids, least: int) -> tuple[Ids, Ids]:
         found = np.flatnonzero(counts >= least)
     else:  # the strongest alone, so that the graph holds together
         found = np.array([counts.argmax()]) if counts.any() else np.empty(0, dtype=np.int64)
-    order = np.lexsort((found, -counts[found]))
+    order = np.argsort(-counts[found], kind="stable")
     return found[order], counts[found[order]]
 
 
@@ -364,9 +349,13 @@ def warm() -> None:
         unseen = np.full(2, -1, dtype=np.int64)
         sparse_map.add_keyframe(Frame(number=k, stamp_ns=k, features=features, grid=grid, points=unseen), k - 1)
     ids = sparse_map.add_points(np.ones((2, 3)), 0, np.arange(2))
-    sparse_map.seen[1] = ids
+    sparse_map.see(1, np.arange(2), ids)
     sparse_map.refresh_points(ids)
     sparse_map.covisible(0)
     sparse_map.all_shared()
-    sparse_map.redundancy(1, np.ones(2, dtype=np.bool_), sparse_map.count_observations(), 3, sparse_map.sightings(ids))
+    sparse_map.restore_seen(sparse_map.seen.copy())
+    sparse_map.redundancy(
+        1, np.ones(2, dtype=np.bool_), sparse_map.count_observations(ids), 3, sparse_map.sightings(ids)
+    )
     sparse_map.merge_points(ids[:1], ids[1:])
+    sparse_map.remove_points(ids)

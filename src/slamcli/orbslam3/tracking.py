@@ -170,16 +170,12 @@ def _pose_of_matches(
 
 def local_keyframes(sparse_map: SparseMap, frame: Frame) -> Ids:
     """Return the keyframes that share points with the frame, the strongest first, and then those that share points with them."""
-    marked = np.zeros(sparse_map.num_points, dtype=np.bool_)
-    marked[frame.points[frame.points >= 0]] = True
-    counts = sparse_map.count_shared(marked)
+    counts = sparse_map.count_shared(np.unique(frame.points))
     first = np.flatnonzero(counts)
     first = first[np.lexsort((first, -counts[first]))][:_MOST_KEYFRAMES]
     if len(first) == _MOST_KEYFRAMES or not len(first):
         return first
-    around = np.zeros(sparse_map.num_points, dtype=np.bool_)
-    around[sparse_map.points_of(first)] = True
-    shared = sparse_map.count_shared(around)
+    shared = sparse_map.count_shared(sparse_map.points_of(first))
     shared[first] = 0
     second = np.flatnonzero(shared)
     second = second[np.lexsort((second, -shared[second]))][: min(_MOST_KEYFRAMES - len(first), max(10, len(first)))]

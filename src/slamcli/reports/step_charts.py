@@ -163,6 +163,45 @@ def figures(steps: Mapping[str, NDArray[Any]], began_ns: int | None = None) -> l
     return [f for f in found if f]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepSeries:
+    """One column as it is drawn."""
+
+    title: str
+    unit: str
+    caption: str
+    values: NDArray[np.float64]
+    """float64 (N,) in `unit`; NaN where a step has none."""
+    marks: NDArray[np.bool_] | None
+    """bool (N,), the steps that are marked."""
+    from_zero: bool
+
+
+def series(steps: Mapping[str, NDArray[Any]]) -> list[StepSeries]:
+    """Return the columns that are worth a chart, in the order and units of `figures`; those that never change are left out."""
+    if "tracked" in steps:
+        steps = {**steps, "untracked": np.asarray(steps["tracked"]) == 0}
+    count = len(steps.get("stamp_ns", ()))
+    found = []
+    for name in [n for n in _KNOWN if n in steps] + [n for n in steps if n not in _KNOWN]:
+        values = np.asarray(steps[name])
+        if name in _HIDDEN or "index" in name or values.shape != (count,) or values.dtype.kind not in "biuf":
+            continue
+        y = values.astype(np.float64)
+        finite = y[np.isfinite(y)]
+        if not len(finite) or finite.min() == finite.max():
+            continue
+        known = _KNOWN.get(name, _Known(name.replace("_", " "), "", ""))
+        if known.empty_first and y[0] == 0:
+            y[0] = np.nan
+        events = steps.get(known.marks)
+        marks = np.asarray(events) != 0 if events is not None and np.shape(events) == (count,) else None
+        found.append(StepSeries(
+            title=known.title, unit=known.unit, caption=known.caption, values=y * known.factor, marks=marks, from_zero=known.from_zero,
+        ))  # fmt: skip
+    return found
+
+
 def time_axis(stamps_ns: NDArray[Any], began_ns: int | None = None) -> tuple[NDArray[np.float64], str]:
     """Return the times float64 (N,) since `began_ns`, not decreasing, and the axis label with its unit.
 

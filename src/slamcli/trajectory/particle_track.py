@@ -37,7 +37,7 @@ class ParticleTrack:
             or self.weights.shape != (steps, count)
         ):
             raise DataError(
-                f"a track of particles with stamps {self.stamps_ns.shape}, poses {self.poses.shape} and weights {self.weights.shape}"
+                f"particles whose stamps {self.stamps_ns.shape}, poses {self.poses.shape} and weights {self.weights.shape} do not fit"
             )
 
     def __len__(self) -> int:
