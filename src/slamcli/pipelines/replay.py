@@ -21,7 +21,7 @@ from slamcli.measurements import PointCloud
 from slamcli.pipelines.replay_frames import follow_frames
 from slamcli.pipelines.replay_graph import graph_of_state, load_graph
 from slamcli.pipelines.replay_images import find_images
-from slamcli.pipelines.replay_inputs import find_recording, input_names, read_run
+from slamcli.pipelines.replay_inputs import find_known_map, find_recording, input_names, read_run
 from slamcli.pipelines.replay_particles import load_particles
 from slamcli.pipelines.replay_scans import follow_ranges
 from slamcli.pipelines.replay_tracks import FrameTrack, GraphTrack, ReplayImage, ScanTrack, SubmapTrack
@@ -116,12 +116,14 @@ def load_replay(
     folder, log = Path(folder), log if log is not None else RunLog()
     run = read_run(folder / "run.json", log)
     trajectory = _trajectory(folder, run, log)
-    grid = _grid(folder, log)
+    grid = _grid(folder / "map.yaml", log)
     files = tuple(Path(path) for path in recording) or find_recording(folder, run)
     if not files and (listed := input_names(run)):
         names = ", ".join(listed[:3])
         log.note(f"{folder}: its recording ({names}) is neither beside it nor here; --recording names it")
     scans, first_seen, growth = _grown(files, run, trajectory, grid, mends, log, named=bool(recording))
+    if grid is None and (known := find_known_map(folder, run)) is not None:
+        grid = _grid(known, log)  # the robot knew it from the beginning
     graph, submaps = load_graph(folder, log)
     reference = None if truth is None else load_trajectory(truth, log=log)
     return Replay(
@@ -173,10 +175,10 @@ def _trajectory(folder: Path, run: Mapping[str, Any], log: RunLog) -> Trajectory
     )  # fmt: skip
 
 
-def _grid(folder: Path, log: RunLog) -> OccupancyGrid | None:
-    if not (folder / "map.yaml").is_file():
+def _grid(path: Path, log: RunLog) -> OccupancyGrid | None:
+    if not path.is_file():
         return None
-    read = read_map(folder / "map.yaml")
+    read = read_map(path)
     for warning in read.warnings:
         log.warn(warning)
     return read.grid
