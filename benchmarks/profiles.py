@@ -3,8 +3,8 @@
 
     python benchmarks/profiles.py [RECORDING] [--algo A ...] [--top N] [-- OPTIONS OF slamcli map]
 
-Without a recording each tier maps one of sample_data. Every run is a process of its own on one thread (`--jobs 1`), on a
-kernel cache that a run before it has filled. Times are CPU time under cProfile, which makes Python code slower and
+Without a recording each tier maps one of sample_data. Every run is a process of its own on one thread (`--jobs 1`); kernels are
+to be compiled beforehand (`slamcli warmup`), or their compilation stands under "loading kernels". Times are CPU time under cProfile, which makes Python code slower and
 leaves compiled kernels as they are; what NumPy, zlib and others do counts for the function of slamcli that called them.
 """
 
@@ -115,17 +115,16 @@ def show(title: str, stats: pstats.Stats, process_s: float, top: int) -> None:
 
 
 def profile_tier(algo: str, recording: list[str], folder: Path, top: int) -> None:
-    """Map in a fresh process, twice: the first fills the kernel cache."""
+    """Map in a fresh process."""
     target = folder / f"{algo}.prof"
     command = [sys.executable, __file__, "--child", str(target), "map", "--algo", algo, *recording]
     command += ["--jobs", "1", "--quiet", "-o", str(folder / algo)]
-    for _ in range(2):
-        began = sum(os.times()[2:4])
-        done = subprocess.run(command, check=False, capture_output=True, text=True)
-        process_s = sum(os.times()[2:4]) - began
-        if done.returncode:
-            print(f"\n### {algo}\n\n{done.stderr.strip()}", flush=True)
-            return
+    began = sum(os.times()[2:4])
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    process_s = sum(os.times()[2:4]) - began
+    if done.returncode:
+        print(f"\n### {algo}\n\n{done.stderr.strip()}", flush=True)
+        return
     show(f"{algo}: {Path(recording[0]).name}", pstats.Stats(str(target)), process_s, top)
 
 
