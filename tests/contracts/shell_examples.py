@@ -17,7 +17,7 @@ def commands_in(script: str) -> Iterator[tuple[str, list[str]]]:
     for line in script.replace("\\\n", " ").splitlines():
         for found in re.finditer(r"(?:^|[\s(\"'])slamcli ([a-z][a-z-]*)(.*)", line):
             rest = re.split(r"(?:^|[\s(\"'])slamcli ", found[2])[0]
-            yield found[1], _ENDS.split(f"{rest} ", maxsplit=1)[0].split()
+            yield found[1], _ENDS.split(f"{rest} ", maxsplit=1)[0].replace("; ", " ; ").split(" ; ")[0].split()
             if (more := found[2][len(rest) :]).strip():
                 yield from commands_in(more)
 

@@ -86,3 +86,15 @@ def write_result(folder, recording, **changes):
     } | changes  # fmt: skip
     (folder / "run.json").write_text(json.dumps(run), encoding="utf-8")
     return folder
+
+
+def write_images_result(folder, steps):
+    """Write trajectory, keyframes and record of a run on ``sample_data/desk_rgbd.mcap``: no tier's, the base moves straight on."""
+    folder.mkdir()
+    stamps = START_NS + np.arange(31) * 100_000_000
+    poses = np.column_stack([np.linspace(0, 1, 31), np.zeros(31), np.zeros(31)])
+    write_tum(folder / "trajectory.tum", Trajectory.from_se2(stamps, poses, "map", "body"))
+    write_tum(folder / "keyframes.tum", Trajectory.from_se2(stamps[::10], poses[::10], "map", "body"))
+    run = {"algo": "orbslam3", "topics": {"rgb": "/camera/color/image_raw/compressed"}, "frames": {"base": "body"}}
+    (folder / "run.json").write_text(json.dumps({**run, "steps": steps}), encoding="utf-8")
+    return folder

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 
 import numpy as np
@@ -89,6 +90,36 @@ def test_the_same_files_give_the_same_replay(place):
 def test_ground_truth_is_laid_over_the_trajectory(place):
     replay = load_replay(place / "result", truth=place / "result" / "trajectory.tum")
     assert np.abs(replay.truth.positions_m - replay.trajectory.positions_m).max() < 1e-9
+
+
+def test_a_map_that_the_robot_knew_is_there_from_the_beginning(place, tmp_path):
+    folder = small.write_result(
+        tmp_path / "localised", place / "room.mcap", algo="amcl", command="slamcli localize room.mcap --map map.yaml"
+    )
+    (tmp_path / "known").mkdir()
+    for name in ("map.yaml", "map.pgm"):
+        (folder / name).rename(tmp_path / "known" / name)
+    content = (tmp_path / "known" / "map.yaml").read_bytes()
+    (tmp_path / "another").mkdir()  # of one name and size, and first in the order of folders
+    (tmp_path / "another" / "map.yaml").write_bytes(content[:-2] + b"9" + content[-1:])
+    run = json.loads((folder / "run.json").read_text())
+    entry = {"name": "map.yaml", "size_bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
+    (folder / "run.json").write_text(json.dumps({**run, "inputs": [*run["inputs"], entry]}))
+    log = RunLog()
+    replay = load_replay(folder, recording=[place / "room.mcap"], log=log)
+    assert (replay.growth, replay.first_seen) == ("none", None)
+    np.testing.assert_array_equal(replay.grid.cells, small.room().cells)
+    assert len(replay.scans.stamps_ns) == small.STEPS
+    assert log.warnings == []
+    (tmp_path / "known" / "map.yaml").unlink()
+    assert load_replay(folder).grid is None
+
+
+def test_a_drive_of_the_simulator_has_no_recording_to_look_for(place, tmp_path):
+    folder = small.write_result(tmp_path / "drive", place / "room.mcap", command="slamcli navigate 1,2 --map map.yaml")
+    log = RunLog()
+    assert load_replay(folder, log=log).recording == ()
+    assert log.notes == []
 
 
 def test_particles_are_read_and_checked(place, tmp_path):

@@ -11,8 +11,9 @@ import click
 
 from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
-from slamcli.cli.options import json_option, seed_option, verbosity_options
+from slamcli.cli.options import json_option, junit_option, seed_option, threshold_options, verbosity_options
 from slamcli.cli.points import parse_point
+from slamcli.cli.verdicts import Verdicts
 from slamcli.runtime import RunLog
 
 if TYPE_CHECKING:
@@ -41,10 +42,15 @@ _FLAGS = {
 @click.option("--bag", "recording", type=click.Path(path_type=Path), metavar="FILE", help="The recording (.mcap, .bag, .db3 or a folder), instead of DIR/run.mcap.")  # fmt: skip
 @click.option("--animation", "film", type=click.Path(path_type=Path), metavar="FILE", help="The animation (.gif, .mp4), instead of DIR/run.gif.")  # fmt: skip
 @click.option("--lean", is_flag=True, help="Leave recording and animation out of DIR.")
+@threshold_options
+@junit_option
 @seed_option
 @json_option
 @verbosity_options
-def command(world: str, start: str | None, verbosity: int, as_json: bool, **options: Any) -> int:
+def command(
+    world: str, start: str | None, verbosity: int, as_json: bool, upper: tuple[str, ...], lower: tuple[str, ...],
+    junit: Path | None, **options: Any,
+) -> int:  # fmt: skip
     """Explore WORLD (a world file, a map.yaml or a built-in name): drive to frontiers until none is left that can be reached, then home.
 
     \b
@@ -54,19 +60,24 @@ def command(world: str, start: str | None, verbosity: int, as_json: bool, **opti
     slamcli navigate 12,9 --map office/map.yaml --world office --start 2,8.8,0
 
     Exit codes: 0 nothing is left and the robot is home, 1 time ran out or the robot is stuck (the map so far is saved, the message
-    says why), 2 wrong usage or input.
+    says why), or a threshold was missed, 2 wrong usage or input.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
     from slamcli.pipelines.explore_request import explore_request
     from slamcli.pipelines.explore_run import require_explored, run_exploration
     from slamcli.pipelines.navigate_request import NavigateRequest
+    from slamcli.pipelines.run_figures import run_figures
 
     begin = None if start is None else parse_point("--start", start)
     drive = NavigateRequest(
         waypoints=(), world=world, start=begin, command=_command_line(world, {"start": start, **options}), **options
     )
     request = explore_request(drive)
-    with Console(verbosity) as console:
+    subject = f"{options['slam']} in {Path(world).name}"
+    with (
+        Verdicts("explore", subject=subject, upper=upper, lower=lower, junit=junit) as verdicts,
+        Console(verbosity) as console,
+    ):
         if not kernel_cache.is_filled("navigation"):
             console.say("compiling the stack (once on this machine; slamcli warmup does it beforehand)")
         log = RunLog(console)
@@ -74,12 +85,14 @@ def command(world: str, start: str | None, verbosity: int, as_json: bool, **opti
             outcome = run_exploration(request, log)
         finally:
             console.tell(log)
+        verdicts.judge(run_figures(outcome.document))
         if as_json:
-            print_json(outcome.document)
+            print_json(verdicts.added_to(outcome.document))
         else:
             _tell(outcome, console)
+        verdicts.tell(console)
         require_explored(outcome)
-    return 0
+    return verdicts.exit_code
 
 
 def _command_line(world: str, options: dict[str, Any]) -> str:

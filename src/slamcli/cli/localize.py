@@ -11,9 +11,10 @@ import click
 
 from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
-from slamcli.cli.options import json_option, seed_option, verbosity_options
+from slamcli.cli.options import json_option, junit_option, seed_option, threshold_options, verbosity_options
 from slamcli.cli.points import parse_point
 from slamcli.cli.recording_options import given_mends, recording_options
+from slamcli.cli.verdicts import Verdicts
 from slamcli.errors import UsageError
 from slamcli.runtime import RunLog
 
@@ -52,11 +53,14 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--ref-align", "reference_align", type=click.Choice(["none", "se3", "sim3", "origin"]), default="none", show_default=True, help="How the result is laid on --ref first, where that has a frame (sim3: a scale, too) of its own.")  # fmt: skip
 @click.option("--list-settings", is_flag=True, is_eager=True, expose_value=False, callback=_list_settings, help="Explain every parameter.")  # fmt: skip
 @seed_option
+@threshold_options
+@junit_option
 @recording_options
 @json_option
 @verbosity_options
 def command(
-    bag: tuple[Path, ...], mends: Mends, verbosity: int, as_json: bool, arguments: tuple[str, ...], **options: Any
+    bag: tuple[Path, ...], mends: Mends, verbosity: int, as_json: bool, arguments: tuple[str, ...], upper: tuple[str, ...],
+    lower: tuple[str, ...], junit: Path | None, **options: Any,
 ) -> int:  # fmt: skip
     """Localise the robot that made the recording BAG on a map, as ROS amcl does.
 
@@ -67,11 +71,12 @@ def command(
     slamcli localize drive.mcap --map map.yaml --set laser_model_type=beam --set max_particles=500
 
     The folder gets trajectory.tum (one pose of the robot in the map for every scan), poses.csv (with covariances), map.png,
-    report.html and run.json. Exit codes: 0 done, 1 failed, 2 wrong usage or input.
+    report.html and run.json. Exit codes: 0 done, 1 failed or a threshold missed, 2 wrong usage or input.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
     from slamcli.evaluation import AlignMode
     from slamcli.pipelines.localize import LocalizeRequest, run_localize
+    from slamcli.pipelines.run_figures import run_figures
 
     words = _command_line(bag, arguments, options, given_mends(click.get_current_context()))
     start, align = options.pop("start"), AlignMode(options.pop("reference_align"))
@@ -79,7 +84,11 @@ def command(
         inputs=bag, mends=mends, start=_pose(start), reference_align=align, launch_arguments=_pairs(arguments),
         command=words, **options,
     )  # fmt: skip
-    with Console(verbosity) as console:
+    subject = f"{' '.join(path.name for path in bag)} on {options['map'].name}"
+    with (
+        Verdicts("localize", subject=subject, upper=upper, lower=lower, junit=junit) as verdicts,
+        Console(verbosity) as console,
+    ):
         if not kernel_cache.is_filled("localization"):
             console.say("compiling kernels, once (`slamcli warmup` does it beforehand)")
         log = RunLog(console)
@@ -87,11 +96,13 @@ def command(
             outcome = run_localize(request, log)
         finally:
             console.tell(log)
+        verdicts.judge(run_figures(outcome.run))
         if as_json:
-            print_json(outcome.run)
+            print_json(verdicts.added_to(outcome.run))
         else:
             _tell(outcome, console)
-    return 0
+        verdicts.tell(console)
+    return verdicts.exit_code
 
 
 def _tell(outcome: Localized, console: Console) -> None:

@@ -25,6 +25,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "map": ("map", "Build a map and a trajectory from a recording."),
     "sweep": ("sweep", "Try many values of native parameters on a recording, and rank them."),
     "evaluate": ("evaluate", "Score a trajectory or a map against ground truth."),
+    "compare": ("compare", "Run several SLAM systems on one recording, side by side."),
     "localize": ("localize", "Localise a recording on a known map (AMCL)."),
     "plan": ("plan", "Plan paths on a saved map."),
     "navigate": ("navigate", "Drive a simulated robot to goals with the whole navigation stack."),

@@ -16,8 +16,16 @@ from slamcli.cli.camera_options import camera_options
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.database_options import database_options, database_words
 from slamcli.cli.fleet_options import fleet_options
-from slamcli.cli.options import jobs_option, json_option, seed_option, verbosity_options
+from slamcli.cli.options import (
+    jobs_option,
+    json_option,
+    junit_option,
+    seed_option,
+    threshold_options,
+    verbosity_options,
+)
 from slamcli.cli.recording_options import given_mends, recording_options
+from slamcli.cli.verdicts import Verdicts
 from slamcli.runtime import RunLog
 
 if TYPE_CHECKING:
@@ -26,7 +34,7 @@ if TYPE_CHECKING:
 
 _CHOICES = {
     "map_mode": "trinary", "cloud_format": "ply", "cloud_colour": "rgb", "dense": "none", "dense_voxel": 0.02, "dense_range": 5.0,
-    "octomap": False,
+    "octomap": False, "mcap": False,
 }  # fmt: skip
 """Options that say how files are written, with their defaults."""
 _KERNELS = {"orbslam3": ("vision", "up to a minute")}
@@ -144,6 +152,7 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 @click.option(
     "--octomap", is_flag=True, help="Also write octomap.bt and .ot, free and occupied space (--algo rtabmap)."
 )
+@click.option("--mcap", is_flag=True, help="Also write result.mcap, the run as it went, for Foxglove and RViz.")
 @click.option(
     "--truth",
     metavar="TRAJECTORY",
@@ -154,6 +163,8 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 @database_options
 @seed_option
 @jobs_option
+@threshold_options
+@junit_option
 @recording_options
 @json_option
 @verbosity_options
@@ -163,6 +174,9 @@ def command(
     verbosity: int,
     as_json: bool,
     jobs: int,
+    upper: tuple[str, ...],
+    lower: tuple[str, ...],
+    junit: Path | None,
     arguments: tuple[str, ...],
     **options: Any,
 ) -> int:
@@ -180,12 +194,14 @@ def command(
     slamcli map --algo rtabmap old.db --set Kp/MaxFeatures=1000
 
     The folder gets map.yaml and map.pgm, trajectory.tum (one pose for every scan or image), map.png, report.html and run.json;
-    of graph-based systems also the graph, of 3D ones the points.
+    of graph-based systems also the graph, of 3D ones the points. Exit codes: 0 done, 1 failed or a threshold missed (the result is
+    written then), 2 wrong usage or input.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
     from slamcli.pipelines.map import run_map
     from slamcli.pipelines.map_outputs import OutputChoices
     from slamcli.pipelines.map_request import MapRequest
+    from slamcli.pipelines.run_figures import run_figures
 
     launch_arguments = _pairs(arguments)
     command = _command_line(bag, launch_arguments, options, given_mends(click.get_current_context()))
@@ -194,7 +210,11 @@ def command(
         inputs=bag, mends=mends, jobs=jobs or os.cpu_count() or 1, launch_arguments=launch_arguments,
         choices=choices, command=command, **options,
     )  # fmt: skip
-    with Console(verbosity) as console:
+    subject = f"{options['algo']} on {' '.join(path.name for path in request.files)}"
+    with (
+        Verdicts("map", subject=subject, upper=upper, lower=lower, junit=junit) as verdicts,
+        Console(verbosity) as console,
+    ):
         room, wait = _KERNELS.get(options["algo"], ("registration", "about 20 s"))
         if not kernel_cache.is_filled(room):
             console.say(f"compiling kernels, once ({wait}; `slamcli warmup` does it beforehand)")
@@ -203,11 +223,13 @@ def command(
             outcome = run_map(request, log)
         finally:
             console.tell(log)
+        verdicts.judge(run_figures(outcome.run))
         if as_json:
-            print_json(outcome.run)
+            print_json(verdicts.added_to(outcome.run))
         else:
             _tell(outcome, console)
-    return 0
+        verdicts.tell(console)
+    return verdicts.exit_code
 
 
 def _tell(outcome: MapOutcome, console: Console) -> None:

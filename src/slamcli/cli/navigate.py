@@ -11,8 +11,9 @@ import click
 
 from slamcli.cli import kernel_cache
 from slamcli.cli.console import Console, print_json
-from slamcli.cli.options import json_option, seed_option, verbosity_options
+from slamcli.cli.options import json_option, junit_option, seed_option, threshold_options, verbosity_options
 from slamcli.cli.points import PointsCommand, parse_point
+from slamcli.cli.verdicts import Verdicts
 from slamcli.errors import UsageError
 from slamcli.runtime import RunLog
 
@@ -68,12 +69,14 @@ class NavigateCommand(PointsCommand):
 @click.option("--bag", "recording", type=click.Path(path_type=Path), metavar="FILE", help="The recording (.mcap, .bag, .db3 or a folder), instead of DIR/run.mcap.")  # fmt: skip
 @click.option("--animation", "film", type=click.Path(path_type=Path), metavar="FILE", help="The animation (.gif, .mp4), instead of DIR/run.gif.")  # fmt: skip
 @click.option("--lean", is_flag=True, help="Leave recording and animation out of DIR.")
+@threshold_options
+@junit_option
 @seed_option
 @json_option
 @verbosity_options
 def command(
     goals: tuple[str, ...], map_path: Path | None, start: str | None, mission_path: Path | None, arguments: tuple[str, ...],
-    verbosity: int, as_json: bool, **options: Any,
+    verbosity: int, as_json: bool, upper: tuple[str, ...], lower: tuple[str, ...], junit: Path | None, **options: Any,
 ) -> int:  # fmt: skip
     """Drive a simulated robot to each GOAL (x,y or x,y,yaw; metres, radians): map server, AMCL, costmaps, planners, move_base.
 
@@ -84,12 +87,13 @@ def command(
     slamcli navigate 6.5,8 --slam gmapping --world office --config slam_navigation_full.launch -o unknown
     slamcli navigate 3,2 --map map.yaml --start 0,0 --local-planner teb --set TebLocalPlannerROS/max_vel_x=0.4
 
-    Exit codes: 0 every goal was reached, 1 one was not and the message says why, 2 wrong usage or input.
+    Exit codes: 0 every goal was reached, 1 one was not and the message says why, or a threshold was missed, 2 wrong usage or input.
     """  # noqa: D301 - click needs the backspace itself
     kernel_cache.prepare()
     from slamcli.pipelines.mission import waypoints_of
     from slamcli.pipelines.navigate_request import NavigateRequest
     from slamcli.pipelines.navigate_run import require_all_reached, run_navigation
+    from slamcli.pipelines.run_figures import run_figures
 
     mission = _mission(mission_path, goals)
     points = [parse_point("goal", goal) for goal in goals]
@@ -102,7 +106,12 @@ def command(
         launch_arguments=launch_arguments, command=_command_line(goals, map_path, begin, mission_path, launch_arguments, options),
         **options,
     )  # fmt: skip
-    with Console(verbosity) as console:
+    place = options["world"] if map_path is None else map_path.name
+    subject = f"{len(request.waypoints)} goals on {place}"
+    with (
+        Verdicts("navigate", subject=subject, upper=upper, lower=lower, junit=junit) as verdicts,
+        Console(verbosity) as console,
+    ):
         if not kernel_cache.is_filled("navigation"):
             console.say("compiling the stack (once on this machine; slamcli warmup does it beforehand)")
         log = RunLog(console)
@@ -110,12 +119,14 @@ def command(
             outcome = run_navigation(request, log)
         finally:
             console.tell(log)
+        verdicts.judge(run_figures(outcome.document))
         if as_json:
-            print_json(outcome.document)
+            print_json(verdicts.added_to(outcome.document))
         else:
             _tell(outcome, console)
+        verdicts.tell(console)
         require_all_reached(outcome)
-    return 0
+    return verdicts.exit_code
 
 
 def _mission(path: Path | None, goals: tuple[str, ...]) -> Mission | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -30,7 +31,8 @@ class Verdicts:
             verdicts.tell(console)
         return verdicts.exit_code
 
-    An error inside the block becomes an ``error`` case of the file and goes on its way.
+    An error inside the block goes on its way; in the file it is a ``failure`` where the work itself failed (`ProcessError`), an
+    ``error`` where it could not be done.
 
     Raises
     ------
@@ -70,6 +72,10 @@ class Verdicts:
         """Return the verdicts for a JSON document, in the order of the options: --max first."""
         return [_as_dict(verdict) for verdict in self._verdicts]
 
+    def added_to(self, document: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a run's document with the verdicts, where there are any."""
+        return {**document, "thresholds": self.as_dicts()} if self._verdicts else dict(document)
+
     def tell(self, console: Console) -> None:
         """Say what was missed; what was kept only with --verbose."""
         for verdict in self._verdicts:
@@ -86,7 +92,7 @@ class Verdicts:
             self._thresholds = [parse_threshold(text, upper=True) for text in upper]
             self._thresholds += [parse_threshold(text, upper=False) for text in lower]
         except Exception as error:
-            self._write_error(error)
+            self._write(self._cases(error))
             raise
         return self
 
@@ -96,38 +102,30 @@ class Verdicts:
         if error is None or isinstance(error, BrokenPipeError):  # the reader of stdout has gone: no error (cli.main)
             self._write(self._cases())
         elif isinstance(error, Exception):
-            self._write_error(error)
+            self._write(self._cases(error))
 
-    def _cases(self) -> list[JunitCase]:
+    def _cases(self, error: Exception | None = None) -> list[JunitCase]:
+        """Return a case for the command where it failed or nothing was asked of it, and one for each threshold."""
+        from slamcli.errors import DependencyError, ProcessError
         from slamcli.reports.junit import JunitCase
 
-        seconds = time.perf_counter() - self._began
         classname = f"slamcli.{self._command}"
-        figures = "\n".join(f"{name} = {value:.9g}" for name, value in self._figures.items())
-        if not self._verdicts:
-            return [JunitCase(name=self._subject, classname=classname, seconds=seconds, output=figures)]
-        # The work was done once for all of them: its time and its figures stand at the first.
-        return [
+        said = None if error is None else _message(error)
+        failed = isinstance(error, ProcessError) and not isinstance(error, DependencyError)
+        cases = [
             JunitCase(
                 name=f"{self._subject}: {verdict.threshold.key} {'<=' if verdict.threshold.upper else '>='} {verdict.threshold.value:g}",
-                classname=classname, seconds=0.0 if index else seconds,
-                failure=None if verdict.passed else verdict.message,
-                output=verdict.message if index else f"{verdict.message}\n\n{figures}",
+                classname=classname, failure=None if verdict.passed else verdict.message, output=verdict.message,
             )
-            for index, verdict in enumerate(self._verdicts)
+            for verdict in self._verdicts
         ]  # fmt: skip
-
-    def _write_error(self, error: Exception) -> None:
-        from slamcli.errors import SlamcliError
-        from slamcli.reports.junit import JunitCase
-
-        message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        if not isinstance(error, SlamcliError | click.ClickException):
-            message = f"{type(error).__name__}: {message}"
-        seconds = time.perf_counter() - self._began
-        self._write(
-            [JunitCase(name=self._subject, classname=f"slamcli.{self._command}", seconds=seconds, error=message)]
-        )
+        if said is not None or not cases:
+            failure, trouble = (said, None) if failed else (None, said)
+            cases.insert(0, JunitCase(name=self._subject, classname=classname, failure=failure, error=trouble))
+        # The work was done once for all of them: its time and its figures stand at the first.
+        figures = "\n".join(f"{name} = {value:.9g}" for name, value in self._figures.items())
+        output = "\n\n".join(text for text in (cases[0].output, figures) if text)
+        return [replace(cases[0], seconds=time.perf_counter() - self._began, output=output), *cases[1:]]
 
     def _write(self, cases: Sequence[JunitCase]) -> None:
         if self._junit is None:
@@ -150,3 +148,11 @@ def _as_dict(verdict: Verdict) -> dict[str, Any]:
         "passed": verdict.passed,
         "message": verdict.message,
     }
+
+
+def _message(error: Exception) -> str:
+    from slamcli.errors import SlamcliError
+
+    if isinstance(error, click.ClickException):
+        return error.format_message()
+    return str(error) if isinstance(error, SlamcliError) else f"{type(error).__name__}: {error}"

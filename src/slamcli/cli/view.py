@@ -19,7 +19,7 @@ from slamcli.cli.view_player import check_pictures, check_player, export_page, p
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
-    help="Where the picture goes (.png), or a result as an .mcap for Foxglove. Default: view.png in a result folder, else NAME-view.png beside the source.",
+    help="Where the picture goes (.png), or a result as a recording for Foxglove and RViz (.mcap, .bag, a folder). Default: view.png in a result folder, else NAME-view.png beside the source.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), metavar="FILE",
@@ -83,7 +83,7 @@ def command(
     slamcli view map.yaml -o map.png            any map that map_server reads
     slamcli view state.pbstream                 map and trajectory of a state of Cartographer
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
-    slamcli view intel -o intel.mcap            map, path, poses and tf for Foxglove and RViz
+    slamcli view intel -o intel.mcap            the run as it went, for Foxglove and RViz
     slamcli view intel --serve                  plays it in the browser
     slamcli view drive.bag                      topics over time, odometry and scans
 
@@ -102,7 +102,7 @@ def command(
                     source, console, host=host, port=port, open_it=open_it, as_json=as_json, inputs=inputs
                 )
             return export_page(source, export, console, open_it=open_it, as_json=as_json, inputs=inputs)
-        check_pictures(port=port, host=host, recordings=recordings)
+        check_pictures(port=port, host=host)
         options = ViewOptions(
             truth=truth,
             align=align,
@@ -112,6 +112,7 @@ def command(
             duration_s=duration_s,
             scans=scans,
             mends=mends,
+            recording=recordings,
         )
         seen = view(list(sources), output, options, log)
         console.tell(log)

@@ -59,7 +59,7 @@ def check_player(sources: Sequence[Path], output: Path | None, *, serve: bool, e
     return sources[0]
 
 
-def check_pictures(*, port: int, host: str, recordings: Sequence[Path]) -> None:
+def check_pictures(*, port: int, host: str) -> None:
     """Refuse options of the player where a picture is asked for.
 
     Raises
@@ -67,10 +67,9 @@ def check_pictures(*, port: int, host: str, recordings: Sequence[Path]) -> None:
     UsageError
         With the option.
     """
-    named = {"--port": port != 0, "--host": host != _LOOPBACK, "--recording": bool(recordings)}
-    for option, given in named.items():
+    for option, given in {"--port": port != 0, "--host": host != _LOOPBACK}.items():
         if given:
-            raise UsageError(f"{option} is for --serve" + (" and --export" if option == "--recording" else ""))
+            raise UsageError(f"{option} is for --serve")
 
 
 def serve_page(

@@ -21,13 +21,15 @@ def _find(keys, key):
 
 
 @njit(cache=True, nogil=True)
-def moments(points, stamps, keys, starts, columns, queries, cells, radius, gap, near_sums, other_sums, nearest):
+def moments(
+    points, looks, stamps, keys, starts, columns, queries, cells, radius, gap, side, near_sums, other_sums, nearest
+):
     """Add up the neighbours of each query within `radius`: those of its own visit, and those of other visits.
 
     Parameters
     ----------
-    points, stamps
-        float64 (P, 3) and int64 (P,), in the order of their cells.
+    points, looks, stamps
+        float64 (P, 3), float64 (P, 3), unit vectors towards where each was seen from, and int64 (P,), in the order of their cells.
     keys, starts
         int64 (U,) and (U + 1,): the cells that have points (row * columns + column), and where each begins.
     columns
@@ -36,6 +38,8 @@ def moments(points, stamps, keys, starts, columns, queries, cells, radius, gap, 
         int64 (Q,) and (Q, 2): indices of points, and row and column of their cells.
     radius, gap
         Metres, and the time from which on a point is of another visit, nanoseconds.
+    side
+        Points whose direction of sight has a smaller cosine with the query's are left out: they are the other side of a thin wall.
     near_sums, other_sums
         float64 (Q, 10), out: number, sum of x, y, z relative to the query, sums of xx, xy, xz, yy, yz, zz.
     nearest
@@ -57,6 +61,8 @@ def moments(points, stamps, keys, starts, columns, queries, cells, radius, gap, 
                     )
                     square = x * x + y * y + z * z
                     if square > limit:
+                        continue
+                    if looks[i, 0] * looks[own, 0] + looks[i, 1] * looks[own, 1] + looks[i, 2] * looks[own, 2] < side:
                         continue
                     other = abs(stamps[i] - stamps[own]) > gap
                     sums = other_sums if other else near_sums

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from slamcli.evaluation import _neighbour_kernels as kernels
 from slamcli.evaluation.seen_points import PlacedPoints
 
+SAME_SIDE = 0.5
+"""Cosine: what is seen from directions more than 60 degrees apart may be the two sides of one thin wall, and is not compared."""
+
 Sums = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Neighbourhoods:
-    """The neighbours of Q points, within a radius."""
+    """The neighbours of Q points, within a radius, seen from about the same direction."""
 
     centres_m: NDArray[np.float64]
     """float64 (Q, 3), the points."""
@@ -55,9 +58,11 @@ def neighbourhoods(placed: PlacedPoints, *, radius_m: float, visit_gap_s: float,
     step = max(-(-len(order) // num_queries), 1)
     chosen = np.arange(0, len(order), step, dtype=np.int64)
     points, stamps = np.ascontiguousarray(placed.points_m[order]), placed.stamps_ns[order]
+    looks = placed.origins_m[order] - points
+    looks /= np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
     own, others, nearest = np.zeros((len(chosen), 10)), np.zeros((len(chosen), 10)), np.zeros(len(chosen))
     kernels.moments(
-        points, stamps, keys, starts, columns, rank[chosen], np.ascontiguousarray(cells[chosen]), radius_m, round(visit_gap_s * 1e9),
+        points, looks, stamps, keys, starts, columns, rank[chosen], np.ascontiguousarray(cells[chosen]), radius_m, round(visit_gap_s * 1e9), SAME_SIDE,
         own, others, nearest,
     )  # fmt: skip
     return Neighbourhoods(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,40 +34,14 @@ class RedrawnMap:
 
         0 where every cell is surely free or surely a wall, 1 where half of the rays say each.
         """
-        return float(self._entropies().mean()) if self._entropies().size else float("nan")
-
-    @property
-    def blur_bits(self) -> float:
-        """The same sum over the cells that were hit at all, per such cell: free cells, whose number differs, do not count."""
-        hits = self.hits[self.hits > 0].astype(np.float64)
-        rays = hits + self.passes[self.hits > 0]
-        return float(_entropy((hits + 0.5) / (rays + 1.0)).mean()) if len(hits) else float("nan")
-
-    @property
-    def contradicted(self) -> float:
-        """Share of the rays' ends that lie in cells through which more rays went than ended there, 0 to 1."""
-        total = int(self.hits.sum())
-        return float(self.hits[self.passes > self.hits].sum() / total) if total else float("nan")
-
-    @property
-    def wall_m2(self) -> float:
-        """Area of the cells in which at least as many rays ended as went through, square metres."""
-        return float(((self.hits > 0) & (self.hits >= self.passes)).sum()) * self.cell_m**2
-
-    @property
-    def hit_m2(self) -> float:
-        """Area of the cells in which any ray ended, square metres."""
-        return float((self.hits > 0).sum()) * self.cell_m**2
+        rays = (self.hits + self.passes).astype(np.float64)
+        known = rays > 0
+        return float(_entropy((self.hits[known] + 0.5) / (rays[known] + 1.0)).mean()) if known.any() else math.nan
 
     @property
     def known_m2(self) -> float:
         """Area of the cells that rays reached, square metres."""
         return float((self.hits + self.passes > 0).sum()) * self.cell_m**2
-
-    def _entropies(self) -> NDArray[np.float64]:
-        rays = (self.hits + self.passes).astype(np.float64)
-        known = rays > 0
-        return _entropy((self.hits[known] + 0.5) / (rays[known] + 1.0))
 
 
 def redraw(placed: PlacedPoints, cell_m: float) -> RedrawnMap:

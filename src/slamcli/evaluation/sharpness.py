@@ -17,15 +17,17 @@ from numpy.typing import NDArray
 from slamcli.evaluation.neighbourhoods import Neighbourhoods, covariances, neighbourhoods
 from slamcli.evaluation.seen_points import PlacedPoints, SeenPoints
 
-_RADIUS_M, _WIDEST_M = 0.3, 2.0
-_RANGES_PER_RADIUS = 20.0
-_REVISIT_RADII = 2.0
-_SHORTEST_GAP_S, _LONGEST_GAP_S, _GAP_SHARE = 1.0, 10.0, 0.1
+_RADIUS_M, _WIDEST_M = 0.6, 3.0
+_RANGES_PER_RADIUS = 10.0
+_CELLS_PER_RADIUS = 12.0
+_SHORTEST_GAP_S, _LONGEST_GAP_S, _GAP_SHARE = 1.0, 30.0, 0.1
 _QUERIES = 20_000
 _FEWEST = 6
 _LEAST_VARIANCE_M2 = 1e-6
 _FLAT = 0.1
 """A neighbourhood is a wall where it is so much thinner (variance) than in the next direction."""
+_PARALLEL = 0.94
+"""Cosine: two visits saw one wall if what they saw lies in the same direction, within 20 degrees."""
 _THICK = 0.25
 """The same for thickness: a double wall is thicker and still a wall."""
 
@@ -35,9 +37,7 @@ class Scales:
     """Lengths and times of the figures; of the recording alone, so that they are the same for whatever is compared."""
 
     radius_m: float
-    """Of a neighbourhood."""
-    revisit_radius_m: float
-    """How far a wall may be from where another visit saw it."""
+    """Of a neighbourhood: within it a wall of one visit is compared with that of another."""
     visit_gap_s: float
     """What was seen longer than this before or after was seen on another visit."""
     cell_m: float
@@ -45,13 +45,13 @@ class Scales:
 
 
 def scales_of(seen: SeenPoints) -> Scales:
-    """Return the scales for what a sensor saw: 0.3 m in rooms, up to 2 m where the median range is 40 m."""
+    """Return the scales for what a sensor saw: 0.6 m in rooms, up to 3 m where the median range is 30 m."""
     ranges = np.linalg.norm(seen.points_m, axis=1)
     median = float(np.median(ranges)) if len(ranges) else 0.0
     radius = min(max(_RADIUS_M, median / _RANGES_PER_RADIUS), _WIDEST_M)
     span_s = float(np.ptp(seen.stamps_ns)) / 1e9 if len(seen.stamps_ns) else 0.0
     gap = min(max(_GAP_SHARE * span_s, _SHORTEST_GAP_S), _LONGEST_GAP_S)
-    return Scales(radius_m=radius, revisit_radius_m=_REVISIT_RADII * radius, visit_gap_s=gap, cell_m=radius / 6.0)
+    return Scales(radius_m=radius, visit_gap_s=gap, cell_m=radius / _CELLS_PER_RADIUS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,6 +71,8 @@ class Sharpness:
     """float64 (R, 3), where."""
     revisit_stamps_ns: NDArray[np.int64]
     """int64 (R,), when the one visit was."""
+    revisit_distance_m: float
+    """Mean distance from a point to the nearest point of another visit, of those that have one in their neighbourhood; NaN without."""
     revisited: float
     """Share of the points near which another visit saw something too, 0 to 1."""
 
@@ -78,22 +80,23 @@ class Sharpness:
 def sharpness(placed: PlacedPoints, scales: Scales) -> Sharpness:
     """Return the figures of points."""
     dimensions = 2 if placed.planar else 3
-    near = neighbourhoods(placed, radius_m=scales.radius_m, visit_gap_s=scales.visit_gap_s, num_queries=_QUERIES)
-    far = neighbourhoods(placed, radius_m=scales.revisit_radius_m, visit_gap_s=scales.visit_gap_s, num_queries=_QUERIES)
-    everything = near.own + near.others
+    found = neighbourhoods(placed, radius_m=scales.radius_m, visit_gap_s=scales.visit_gap_s, num_queries=_QUERIES)
+    everything = found.own + found.others
     enough = everything[:, 0] >= _FEWEST
     spread = covariances(everything[enough])[1][:, :dimensions, :dimensions]
     variances: NDArray[np.float64] = np.linalg.eigvalsh(spread).astype(np.float64)
     wall = variances[:, 0] < _THICK * variances[:, 1]
-    offset, rows = _revisit_offsets(far, dimensions)
+    offset, rows = _revisit_offsets(found, dimensions)
+    seen_again = np.isfinite(found.nearest_m)
     return Sharpness(
         mean_entropy=_mean_entropy(variances, dimensions),
         wall_thickness_m=2.0 * np.sqrt(np.maximum(variances[wall, 0], 0.0)),
-        thick_at_m=near.centres_m[enough][wall],
+        thick_at_m=found.centres_m[enough][wall],
         revisit_offset_m=offset,
-        revisit_at_m=far.centres_m[rows],
-        revisit_stamps_ns=far.stamps_ns[rows],
-        revisited=float(np.isfinite(far.nearest_m).mean()) if len(far.nearest_m) else 0.0,
+        revisit_at_m=found.centres_m[rows],
+        revisit_stamps_ns=found.stamps_ns[rows],
+        revisit_distance_m=float(found.nearest_m[seen_again].mean()) if seen_again.any() else math.nan,
+        revisited=float(seen_again.mean()) if len(seen_again) else 0.0,
     )
 
 
@@ -107,12 +110,14 @@ def _mean_entropy(variances: NDArray[np.float64], dimensions: int) -> float:
 
 
 def _revisit_offsets(found: Neighbourhoods, dimensions: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the offsets (R,) and of which neighbourhoods (R,) they are: those in which one visit saw a wall and others saw something."""
+    """Return the offsets (R,) and of which neighbourhoods (R,) they are: those in which one visit and the others saw parallel walls."""
     rows = np.flatnonzero((found.own[:, 0] >= _FEWEST) & (found.others[:, 0] >= _FEWEST))
     own_mean, own = covariances(found.own[rows])
-    other_mean, _ = covariances(found.others[rows])
+    other_mean, others = covariances(found.others[rows])
     variances, directions = np.linalg.eigh(own[:, :dimensions, :dimensions])
-    wall = variances[:, 0] < _FLAT * variances[:, 1]
+    spread, turned = np.linalg.eigh(others[:, :dimensions, :dimensions])
+    parallel = np.abs(np.einsum("ni,ni->n", directions[:, :, 0], turned[:, :, 0])) > _PARALLEL
+    wall = (variances[:, 0] < _FLAT * variances[:, 1]) & (spread[:, 0] < _FLAT * spread[:, 1]) & parallel
     between = (other_mean - own_mean)[:, :dimensions]
     across = np.abs(np.einsum("ni,ni->n", directions[:, :, 0], between))
     return across[wall], rows[wall]

@@ -87,13 +87,13 @@ def consistency_of(folder: Path, points: RecordedPoints | None) -> Consistency:
     sharp = sharpness(placed, scales)
     redrawn = redraw(placed, scales.cell_m) if placed.planar else None
     found = {
+        "map.wall_thickness_m": _mean(sharp.wall_thickness_m),
         "map.mean_entropy": sharp.mean_entropy,
-        "revisit.offset.mean": _mean(sharp.revisit_offset_m),
-        "revisit.offset.p90": _quantile(sharp.revisit_offset_m, 0.9),
-        "map.wall_thickness_m": _quantile(sharp.wall_thickness_m, 0.5),
+        "revisit.distance_m": sharp.revisit_distance_m,
         "map.wall_thickness_p90_m": _quantile(sharp.wall_thickness_m, 0.9),
         "map.entropy": math.nan if redrawn is None else redrawn.entropy_bits,
-        "map.contradicted": math.nan if redrawn is None else redrawn.contradicted,
+        "revisit.offset.mean": _mean(sharp.revisit_offset_m),
+        "revisit.offset.p90": _quantile(sharp.revisit_offset_m, 0.9),
         "revisit.share": sharp.revisited,
     }
     residuals, stamps, near = _map_residuals(folder, placed)

@@ -22,7 +22,7 @@ from slamcli.pipelines.database_input import are_databases, open_databases
 from slamcli.pipelines.databases import is_scratch, leave_behind, localising, put_into, remove_running
 from slamcli.pipelines.dense import DenseModel, check_dense, dense_model, is_empty, model_of_views
 from slamcli.pipelines.feeds import Feed, find_feed
-from slamcli.pipelines.map_outputs import RECORDS, summarise, write_records, write_result
+from slamcli.pipelines.map_outputs import RECORDS, RESULT_MCAP, summarise, write_mcap, write_records, write_result
 from slamcli.pipelines.map_request import MapRequest
 from slamcli.pipelines.run_record import describe_inputs, run_document
 from slamcli.pipelines.saved_state import check_dimensions, load_states, result_of
@@ -94,10 +94,12 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             command=request.command, algo=request.algo, parameters=as_dict(run.parameters), changed=_changed(config), seed=request.seed,
             jobs=request.jobs, inputs=inputs, topics=run.topics, frames=run.frames, log=log, total_s=time.perf_counter() - began,
             duration_s=run.duration_s, summary=summarise(result, score),
-            outputs=(*written.names, *moved, *RECORDS),
+            outputs=(*written.names, *moved, *RECORDS, *((RESULT_MCAP,) if request.choices.mcap else ())),
         )  # fmt: skip
         declared = declarations(type(config.parameters))
         document = write_records(folder, document, result, written, score=score, declared=declared)
+        if request.choices.mcap:
+            write_mcap(folder, [] if are_databases(request.inputs) else request.inputs, request.mends, request.truth)
     if moved or is_scratch(run.database):
         remove_running(run.database)
     if request.save_state is not None and result.state is not None:

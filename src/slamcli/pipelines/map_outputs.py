@@ -29,6 +29,7 @@ from slamcli.parameters import Declaration
 from slamcli.pipelines.dense import DenseChoices, DenseKind, DenseModel, write_dense
 from slamcli.pipelines.run_record import step_columns, to_json
 from slamcli.pipelines.view_alignment import laid_over
+from slamcli.recordings import Mends
 from slamcli.reports.figures import map_png
 from slamcli.reports.html import report
 from slamcli.runtime import RunLog
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 CloudFormat = Literal["ply", "pcd", "none"]
 RECORDS = ("report.html", "run.json")
 """What is written last, because it tells of everything else."""
+RESULT_MCAP = "result.mcap"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +57,8 @@ class OutputChoices:
     dense_range: float = 5.0
     octomap: bool = False
     """Whether octomap.bt and what belongs to it is asked for."""
+    mcap: bool = False
+    """Whether the run is wanted as a recording too."""
 
     @property
     def of_dense(self) -> DenseChoices:
@@ -153,6 +157,15 @@ def write_records(
     document = {**run, "steps": step_columns(result.steps)}
     (folder / "run.json").write_text(to_json(document), encoding="utf-8")
     return document
+
+
+def write_mcap(folder: Path, recording: Sequence[Path], mends: Mends, truth: str | None) -> None:
+    """Write the result that lies in `folder` as a recording beside it, as ``slamcli view -o`` does."""
+    from slamcli.pipelines.replay import load_replay
+    from slamcli.reports.mcap import write_replay
+
+    replay = load_replay(folder, recording=recording, truth=truth, mends=mends, log=RunLog())
+    write_replay(folder / RESULT_MCAP, replay)
 
 
 def summarise(result: MappingResult, score: TrajectoryScore | None) -> dict[str, Any]:

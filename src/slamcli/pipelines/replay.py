@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,14 +18,16 @@ from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import PointCloud
-from slamcli.pipelines.replay_graph import load_graph
+from slamcli.pipelines.replay_frames import follow_frames
+from slamcli.pipelines.replay_graph import graph_of_state, load_graph
 from slamcli.pipelines.replay_images import find_images
-from slamcli.pipelines.replay_inputs import find_recording, input_names, read_run
+from slamcli.pipelines.replay_inputs import find_known_map, find_recording, input_names, read_run
 from slamcli.pipelines.replay_particles import load_particles
 from slamcli.pipelines.replay_scans import follow_ranges
-from slamcli.pipelines.replay_tracks import GraphTrack, ReplayImage, ScanTrack, SubmapTrack
+from slamcli.pipelines.replay_tracks import FrameTrack, GraphTrack, ReplayImage, ScanTrack, SubmapTrack
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import laid_over
+from slamcli.posegraph import MapState
 from slamcli.recordings import Mends
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
@@ -46,27 +48,30 @@ class Replay:
     algo: str
     """The tier, empty where no record of the run tells."""
     trajectory: Trajectory
-    truth: Trajectory | None
+    truth: Trajectory | None = None
     """Laid over the trajectory."""
-    grid: OccupancyGrid | None
+    grid: OccupancyGrid | None = None
     """The map as it ended."""
-    first_seen: NDArray[np.int32] | None
+    first_seen: NDArray[np.int32] | None = None
     """int32 (H, W): the pose at which a cell of `grid` became known, -1 where it never did; the map after pose i is `grid` where
     this is between 0 and i, and unknown elsewhere."""
-    growth: Growth
+    growth: Growth = "none"
     """What `first_seen` is from: the recording's ``scans`` (and clouds), laid at the final poses; the ``visibility`` of the
     finished map from the poses, 8 m around, where there is no recording; or ``none``."""
-    scans: ScanTrack | None
-    particles: ParticleTrack | None
-    graph: GraphTrack | None
-    submaps: SubmapTrack | None
-    cloud: PointCloud | None
-    """In the map frame, as it ended."""
-    images: tuple[ReplayImage, ...]
+    scans: ScanTrack | None = None
+    particles: ParticleTrack | None = None
+    graph: GraphTrack | None = None
+    submaps: SubmapTrack | None = None
+    cloud: PointCloud | None = None
+    """In the map frame, as it ended; so is the next."""
+    dense: PointCloud | None = None
+    images: tuple[ReplayImage, ...] = ()
     """In the order of time."""
-    recording: tuple[Path, ...]
+    frames: FrameTrack | None = None
+    """None where the recording was not found."""
+    recording: tuple[Path, ...] = ()
     """The recording that the result was made of, empty where it was not found."""
-    run: Mapping[str, Any]
+    run: Mapping[str, Any] = field(default_factory=dict)
     """What the record of the run says, empty where there is none."""
 
     def map_at(self, index: int) -> OccupancyGrid | None:
@@ -111,12 +116,14 @@ def load_replay(
     folder, log = Path(folder), log if log is not None else RunLog()
     run = read_run(folder / "run.json", log)
     trajectory = _trajectory(folder, run, log)
-    grid = _grid(folder, log)
+    grid = _grid(folder / "map.yaml", log)
     files = tuple(Path(path) for path in recording) or find_recording(folder, run)
     if not files and (listed := input_names(run)):
         names = ", ".join(listed[:3])
         log.note(f"{folder}: its recording ({names}) is neither beside it nor here; --recording names it")
     scans, first_seen, growth = _grown(files, run, trajectory, grid, mends, log, named=bool(recording))
+    if grid is None and (known := find_known_map(folder, run)) is not None:
+        grid = _grid(known, log)  # the robot knew it from the beginning
     graph, submaps = load_graph(folder, log)
     reference = None if truth is None else load_trajectory(truth, log=log)
     return Replay(
@@ -131,11 +138,26 @@ def load_replay(
         particles=load_particles(folder, log),
         graph=graph,
         submaps=submaps,
-        cloud=_cloud(folder),
+        cloud=_cloud(folder, "cloud"),
+        dense=_cloud(folder, "dense"),
         images=find_images(files, run, trajectory, graph, mends, log),
+        frames=follow_frames(files, run, trajectory, mends, log),
         recording=files,
         run=run,
     )
+
+
+def replay_of(
+    name: str, trajectory: Trajectory, *, grid: OccupancyGrid | None = None, truth: Trajectory | None = None,
+    state: MapState | None = None, cloud: PointCloud | None = None,
+) -> Replay:  # fmt: skip
+    """Return the replay of what is no folder of a result: the map grows by what can be seen from the poses."""
+    seen, growth = _viewed(trajectory, grid)
+    graph, submaps = (None, None) if state is None else graph_of_state(state)
+    return Replay(
+        name=name, algo="", trajectory=trajectory, truth=truth, grid=grid, first_seen=seen, growth=growth,
+        graph=graph, submaps=submaps, cloud=cloud,
+    )  # fmt: skip
 
 
 def _trajectory(folder: Path, run: Mapping[str, Any], log: RunLog) -> Trajectory:
@@ -153,17 +175,17 @@ def _trajectory(folder: Path, run: Mapping[str, Any], log: RunLog) -> Trajectory
     )  # fmt: skip
 
 
-def _grid(folder: Path, log: RunLog) -> OccupancyGrid | None:
-    if not (folder / "map.yaml").is_file():
+def _grid(path: Path, log: RunLog) -> OccupancyGrid | None:
+    if not path.is_file():
         return None
-    read = read_map(folder / "map.yaml")
+    read = read_map(path)
     for warning in read.warnings:
         log.warn(warning)
     return read.grid
 
 
-def _cloud(folder: Path) -> PointCloud | None:
-    found = (folder / name for name in ("cloud.ply", "cloud.pcd"))
+def _cloud(folder: Path, name: str) -> PointCloud | None:
+    found = (folder / f"{name}.{suffix}" for suffix in ("ply", "pcd"))
     return next((read_cloud(path) for path in found if path.is_file()), None)
 
 

@@ -24,6 +24,7 @@ _KINDS = {
     "odometry": "sequence", "tree": "sequence", "loop": "loop", "proximity": "loop", "covisible": "covisible",
 }  # fmt: skip
 """Kinds of a tier's own table to those of `GraphTrack`."""
+_RESIDUALS = ("translation_residual_m", "rotation_residual_rad")
 
 
 def load_graph(folder: Path, log: RunLog) -> tuple[GraphTrack | None, SubmapTrack | None]:
@@ -37,15 +38,19 @@ def load_graph(folder: Path, log: RunLog) -> tuple[GraphTrack | None, SubmapTrac
     if (folder / "state.pbstream").is_file():
         from slamcli.formats.pbstream.reading import read_state
 
-        state = read_state(folder / "state.pbstream", log=log)
-        arrays = graph_arrays(state)
-        return _graph_of_state(arrays), _submaps(state, arrays)
+        return graph_of_state(read_state(folder / "state.pbstream", log=log))
     if (folder / "keyframes.tum").is_file():
         return _graph_of_keyframes(folder, log), None
     return None, None
 
 
-def _graph_of_state(graph: GraphArrays) -> GraphTrack | None:
+def graph_of_state(state: MapState) -> tuple[GraphTrack | None, SubmapTrack | None]:
+    """Return graph and submaps of a state, None where it has none."""
+    arrays = graph_arrays(state)
+    return _graph(arrays), _submaps(state, arrays)
+
+
+def _graph(graph: GraphArrays) -> GraphTrack | None:
     """Return nodes, the way from each to the next, and loops: from a node to the middle one of those in the submap."""
     number = len(graph.stamps_ns)
     if not number:
@@ -56,7 +61,9 @@ def _graph_of_state(graph: GraphArrays) -> GraphTrack | None:
     drawn = graph.inter & (graph.constraint_nodes >= 0) & (graph.constraint_submaps >= 0)
     nodes, submaps = graph.constraint_nodes[drawn], graph.constraint_submaps[drawn]
     placed = graph.middles[submaps] >= 0
-    nodes, submaps, residuals = nodes[placed], submaps[placed], graph.residuals_m[drawn][placed]
+    nodes, submaps = nodes[placed], submaps[placed]
+    residuals_m, residuals_rad = (r[drawn][placed] for r in (graph.residuals_m, graph.residuals_rad))
+    unmeasured = np.full(len(sequence), np.nan)
     loops = np.column_stack([nodes, graph.middles[submaps]])
     return GraphTrack(
         stamps_ns=graph.stamps_ns,
@@ -66,7 +73,8 @@ def _graph_of_state(graph: GraphArrays) -> GraphTrack | None:
         edge_stamps_ns=np.concatenate(
             [graph.stamps_ns[sequence[:, 1]], np.maximum(graph.stamps_ns[nodes], finished[submaps])]
         ),
-        residual_m=np.concatenate([np.full(len(sequence), np.nan), residuals]),
+        residual_m=np.concatenate([unmeasured, residuals_m]),
+        residual_rad=np.concatenate([unmeasured, residuals_rad]),
     )
 
 
@@ -128,7 +136,7 @@ def _graph_of_keyframes(folder: Path, log: RunLog) -> GraphTrack | None:
         return None
     edges: list[tuple[int, int]] = []
     kinds: list[str] = []
-    residuals: list[float] = []
+    residuals: list[tuple[float, float]] = []
     path = next((p for name in ("links.csv", "covisibility.csv") if (p := folder / name).is_file()), None)
     if path is not None:
         places = {stamp: i for i, stamp in enumerate(nodes.stamps_ns.tolist())}
@@ -136,18 +144,19 @@ def _graph_of_keyframes(folder: Path, log: RunLog) -> GraphTrack | None:
             try:
                 ends = [places.get(_stamp_ns(row[name])) for name in ("stamp_a_s", "stamp_b_s")]
                 kind = _KINDS[row["kind"]]
-                residual = float(row.get("translation_residual_m") or "nan")
+                residual = tuple(float(row.get(name) or "nan") for name in _RESIDUALS)
             except (KeyError, ValueError, TypeError) as error:
                 raise FormatError(f"{path}: line {number}: no edge of a graph ({error})") from error
             if ends[0] is not None and ends[1] is not None:
                 edges.append((ends[0], ends[1]))
                 kinds.append(kind)
-                residuals.append(residual)
+                residuals.append((residual[0], residual[1]))
     pairs = np.array(edges, dtype=np.int64).reshape(-1, 2)
+    measured = np.array(residuals, dtype=np.float64).reshape(-1, 2)
     return GraphTrack(
         stamps_ns=nodes.stamps_ns, positions_m=nodes.positions_m, edges=pairs, kinds=_codes(kinds),
         edge_stamps_ns=nodes.stamps_ns[pairs].max(axis=1, initial=np.iinfo(np.int64).min),
-        residual_m=np.array(residuals, dtype=np.float64),
+        residual_m=measured[:, 0], residual_rad=measured[:, 1],
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -51,16 +52,37 @@ def find_recording(folder: Path, run: Mapping[str, Any]) -> tuple[Path, ...]:
     return ()
 
 
+def find_known_map(folder: Path, run: Mapping[str, Any]) -> Path | None:
+    """Return the map.yaml that a run was given (``slamcli localize``), looked for as its recording is; None where there is none."""
+    entries = run.get("inputs")
+    for entry in entries if isinstance(entries, list) else ():
+        if (
+            isinstance(entry, dict)
+            and isinstance(name := entry.get("name"), str)
+            and _is_plain(name)
+            and _is_map(entry)
+        ):
+            return next((place / name for place in _places(folder, [entry]) if _same(place / name, entry)), None)
+    return None
+
+
 def input_names(run: Mapping[str, Any]) -> list[str]:
     """Return the names of the files that a result was made of."""
     return [str(entry["name"]) for entry in _entries(run)]
 
 
 def _entries(run: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    command = run.get("command")
+    if isinstance(command, str) and command.split()[1:2] in (["navigate"], ["explore"]):
+        return []  # what a simulated robot was given is no recording
     entries = run.get("inputs")
     found = [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
     named = [entry for entry in found if isinstance(entry.get("name"), str) and _is_plain(entry["name"])]
-    return [entry for entry in named if not entry["name"].endswith(_NO_RECORDINGS)]
+    return [entry for entry in named if not entry["name"].endswith(_NO_RECORDINGS) and not _is_map(entry)]
+
+
+def _is_map(entry: Mapping[str, Any]) -> bool:
+    return bool(entry["name"].endswith(".yaml") and entry["name"] != _CONTAINER)
 
 
 def _is_plain(name: str) -> bool:
@@ -76,6 +98,11 @@ def _places(folder: Path, wanted: Sequence[Mapping[str, Any]]) -> Iterator[Path]
     for place in near:
         below = sorted(path for path in place.iterdir() if path.is_dir()) if place.is_dir() else []
         yield from below[:_MOST_FOLDERS]
+
+
+def _same(path: Path, entry: Mapping[str, Any]) -> bool:
+    """Return whether a file has size and content of the record: maps are often of one name and of one size."""
+    return _fitting(path, entry) and hashlib.sha256(path.read_bytes()).hexdigest() == entry.get("sha256")
 
 
 def _fitting(path: Path, entry: Mapping[str, Any]) -> bool:

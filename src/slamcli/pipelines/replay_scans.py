@@ -22,6 +22,8 @@ from slamcli.recordings.sensor_picks import NONE, TopicNames
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
+_LIKE = {"amcl": "gmapping"}
+"""Systems that are no tiers, and a tier that takes the same sensors."""
 _MOST_SCANS = 1500
 _MOST_POINTS = 240
 """Of one scan."""
@@ -89,7 +91,7 @@ def _points(
     )  # fmt: skip
     quiet = RunLog()  # what there is to say about the recording was said when it was mapped
     with open_recording(list(files), mends=mends, log=quiet) as recording:
-        feed = planned_sensors(recording, find_tier(str(run["algo"])), plan, names, quiet)
+        feed = planned_sensors(recording, find_tier(_LIKE.get(str(run["algo"]), str(run["algo"]))), plan, names, quiet)
         for measurement in feed.measurements():
             if isinstance(measurement, LaserScan):
                 yield measurement.stamp_ns, _ends(measurement), feed.T_base_laser[measurement.topic]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slamcli.grids import OccupancyGrid
-from slamcli.measurements import CameraModel
+from slamcli.measurements import CameraModel, FrameTransform
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +46,9 @@ class GraphTrack:
     edge_stamps_ns: NDArray[np.int64]
     """int64 (E,), when each edge can have come to be at the earliest: with its later end, or the end of the submap it leads to."""
     residual_m: NDArray[np.float64]
-    """float64 (E,), how far the final poses are from what each edge says; NaN where nothing was measured."""
+    """float64 (E,), how far the final poses are from what each edge says; NaN where nothing was measured, as of the next."""
+    residual_rad: NDArray[np.float64]
+    """float64 (E,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,6 +66,28 @@ class SubmapTrack:
     """float64 (S,), z of each in the map frame."""
     grids: tuple[OccupancyGrid | None, ...]
     """What each shows alone, turned into its place in the map by its origin; None in 3D."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MovingFrame:
+    """A frame that moves in its parent, at each of the N poses of a trajectory."""
+
+    parent: str
+    child: str
+    T_parent_child: NDArray[np.float64]
+    """float64 (N, 4, 4)."""
+    known: NDArray[np.bool_]
+    """bool (N,), where it is told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameTrack:
+    """The frames of the robot, such that a recording's own transforms fit to them where both are played."""
+
+    moving: tuple[MovingFrame, ...]
+    """From the map down: map to odometry and on to the robot, or map to robot where there is no odometry."""
+    static: tuple[FrameTransform, ...]
+    """Mounts of sensors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

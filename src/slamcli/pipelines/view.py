@@ -28,9 +28,11 @@ from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from slamcli.measurements import PointCloud
     from slamcli.posegraph import MapState
     from slamcli.recordings.mends import Mends
+
+RECORDINGS = (".mcap", ".bag", "")
+"""As what results are written besides pictures; without a suffix a ROS 2 folder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +64,8 @@ class ViewOptions:
     """Number of scans that are drawn of a recording, spread over it."""
     mends: Mends | None = None
     """What is mended while a recording is read."""
+    recording: Sequence[Path] = ()
+    """What a result was made of; empty: looked for by its record."""
 
 
 def view(
@@ -88,10 +92,13 @@ def view(
     options, log = options or ViewOptions(), log if log is not None else RunLog()
     kind = find_kind(sources)
     output = output or default_output(sources[0], kind)
-    if output.suffix.lower() == ".mcap" and kind not in ("recording", "cloud"):
-        return Viewed(kind=kind, output=output, facts=_write_mcap(sources, kind, output, options, log))
-    if output.suffix.lower() != ".png":
-        raise UsageError(f"{output}: pictures are written as .png, results also as .mcap")
+    suffix = output.suffix.lower()
+    if suffix in RECORDINGS and kind not in ("recording", "cloud"):
+        return Viewed(kind=kind, output=output, facts=_write_recording(sources, kind, output, options, log))
+    if suffix != ".png":
+        raise UsageError(f"{output}: pictures are written as .png, results also as .mcap or .bag")
+    if options.recording:
+        raise UsageError("--recording is for what plays: --serve, --export, and -o FILE.mcap or .bag of a result")
     if kind == "recording":
         from slamcli.pipelines.view_recording import draw_recording
 
@@ -159,33 +166,33 @@ def read_truth(options: ViewOptions, base: Trajectory | None, log: RunLog) -> tu
     return laid_over(base, "ground truth", truth, options.align, log) if base is not None else ("ground truth", truth)
 
 
-def _write_mcap(sources: Sequence[Path], kind: str, output: Path, options: ViewOptions, log: RunLog) -> dict[str, Any]:
-    from slamcli.reports.mcap import write_result
+def _write_recording(
+    sources: Sequence[Path], kind: str, output: Path, options: ViewOptions, log: RunLog
+) -> dict[str, Any]:
+    from slamcli.reports.mcap import write_replay, write_result
 
     if len(sources) > 1:
-        raise UsageError(f"{output}: an .mcap holds one result or trajectory; {len(sources)} were given")
+        raise UsageError(f"{output}: a recording holds one result or trajectory; {len(sources)} were given")
     content = _read(sources[0], kind, options, log)
+    if kind == "result" and content.trajectory is not None:
+        from slamcli.pipelines.replay import load_replay
+
+        replay = load_replay(sources[0], recording=options.recording, truth=options.truth, mends=options.mends, log=log)
+        messages = write_replay(output, replay)
+        return content.facts | {"growth": replay.growth, "messages": messages}
     truth = content.truth[1] if content.truth is not None else None
     messages = write_result(
-        output, grid=content.grid, trajectory=content.trajectory, truth=truth,
-        state=_state(sources[0], kind, log), cloud=_cloud(sources[0], kind),
-    )  # fmt: skip
+        output, grid=content.grid, trajectory=content.trajectory, truth=truth, state=_state(sources[0], kind, log)
+    )
     return content.facts | {"messages": messages}
 
 
 def _state(source: Path, kind: str, log: RunLog) -> MapState | None:
-    path = source / "state.pbstream" if kind == "result" else source
-    if kind not in ("result", "state") or not path.is_file():
+    if kind != "state":
         return None
     from slamcli.formats.pbstream.reading import read_state
 
-    return read_state(path, log=log)
-
-
-def _cloud(source: Path, kind: str) -> PointCloud | None:
-    if kind != "result":
-        return None
-    return next((read_cloud(path) for name in ("cloud.ply", "cloud.pcd") if (path := source / name).is_file()), None)
+    return read_state(source, log=log)
 
 
 def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:

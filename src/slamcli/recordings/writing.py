@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -17,9 +17,13 @@ from slamcli.recordings.raw import RawMessage, RawWriter, Topic
 
 
 def create_recording(
-    path: str | os.PathLike[str], *, format: str | None = None, compression: str | None = None
-) -> RecordingWriter:
+    path: str | os.PathLike[str], *, format: str | None = None, compression: str | None = None,
+    latched: Collection[str] = (),
+) -> RecordingWriter:  # fmt: skip
     """Begin a recording; `path` says its format (``.bag`` ROS 1, ``.mcap``, ``.db3`` or a folder ROS 2).
+
+    Topics in `latched` keep their last message for who listens later (``transient_local`` in ROS 2); static transforms and
+    occupancy grids always do.
 
     Raises
     ------
@@ -29,7 +33,9 @@ def create_recording(
     from slamcli.recordings.containers import create_raw
 
     ros1 = format == "rosbag1" if format is not None else Path(path).suffix.lower() == ".bag"
-    return RecordingWriter(create_raw(Path(path), format=format, compression=compression), "ros1" if ros1 else "cdr")
+    return RecordingWriter(
+        create_raw(Path(path), format=format, compression=compression), "ros1" if ros1 else "cdr", latched
+    )
 
 
 class RecordingWriter:
@@ -38,11 +44,17 @@ class RecordingWriter:
     A topic takes the type of the first measurement that is written to it.
     """
 
-    def __init__(self, raw: RawWriter, encoding: str) -> None:
+    def __init__(self, raw: RawWriter, encoding: str, latched: Collection[str] = ()) -> None:
         self._raw = raw
+        self._latched = frozenset(latched)
         self._messages = message_factory(encoding)
         self._msgtypes: dict[str, str] = {}
         self._last_log_time_ns = 0
+
+    @property
+    def ros1(self) -> bool:
+        """Whether messages are those of ROS 1."""
+        return self._messages.ros1
 
     def write(
         self, topic: str, measurement: Any, *, log_time_ns: int | None = None, msgtype: str | None = None
@@ -87,7 +99,7 @@ class RecordingWriter:
                     count=None,
                     definition=self._messages.definition(msgtype),
                     encoding=self._messages.encoding,
-                    latched=is_static_topic(topic) or msgtype == "nav_msgs/msg/OccupancyGrid",
+                    latched=is_static_topic(topic) or topic in self._latched or msgtype == "nav_msgs/msg/OccupancyGrid",
                 )
             )
             self._msgtypes[topic] = msgtype

@@ -191,7 +191,7 @@ def series(steps: Mapping[str, NDArray[Any]]) -> list[StepSeries]:
         finite = y[np.isfinite(y)]
         if not len(finite) or finite.min() == finite.max():
             continue
-        known = _KNOWN.get(name, _Known(name.replace("_", " "), "", ""))
+        known = _KNOWN.get(name, _Known(name.replace("_", " ").capitalize(), "", ""))
         if known.empty_first and y[0] == 0:
             y[0] = np.nan
         events = steps.get(known.marks)

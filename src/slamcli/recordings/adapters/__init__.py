@@ -13,9 +13,11 @@ from slamcli.recordings.adapters import (
     imu,
     landmark_list,
     laser_scan,
+    log_line,
     marker_array,
     multi_echo_laser_scan,
     nav_sat_fix,
+    number,
     occupancy_grid,
     odometry,
     path,
@@ -30,9 +32,12 @@ from slamcli.recordings.adapters import (
     twist_stamped,
 )
 from slamcli.recordings.adapters.adapter import Adapter, Encoder
+from slamcli.recordings.adapters.compressed_image import ImageFile
 from slamcli.recordings.adapters.context import DecodeContext
+from slamcli.recordings.adapters.log_line import LogLine
 from slamcli.recordings.adapters.marker_array import Marker, StampedMarkers
 from slamcli.recordings.adapters.messages import MessageFactory, message_factory
+from slamcli.recordings.adapters.number import StampedNumber
 from slamcli.recordings.adapters.occupancy_grid import StampedGrid
 from slamcli.recordings.adapters.path import StampedPath
 from slamcli.recordings.adapters.pose_array import StampedPoses
@@ -62,7 +67,13 @@ ADAPTERS: tuple[Adapter, ...] = (
     landmark_list.ADAPTER,
 )
 
-_ENCODERS: tuple[Encoder, ...] = (*ADAPTERS, marker_array.ENCODER)
+_ENCODERS: tuple[Encoder, ...] = (
+    *ADAPTERS,
+    marker_array.ENCODER,
+    compressed_image.FILE_ENCODER,
+    log_line.ENCODER,
+    number.ENCODER,
+)
 _BY_MSGTYPE: dict[str, Adapter] = {msgtype: adapter for adapter in ADAPTERS for msgtype in adapter.msgtypes}
 
 
@@ -98,10 +109,13 @@ __all__ = [
     "Adapter",
     "DecodeContext",
     "Encoder",
+    "ImageFile",
+    "LogLine",
     "Marker",
     "MessageFactory",
     "StampedGrid",
     "StampedMarkers",
+    "StampedNumber",
     "StampedPath",
     "StampedPoses",
     "StampedText",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from slamcli.errors import DataError
 from slamcli.measurements import Image
-from slamcli.recordings.adapters.adapter import Adapter
+from slamcli.recordings.adapters.adapter import Adapter, Encoder
 from slamcli.recordings.adapters.context import DecodeContext
 from slamcli.recordings.adapters.image import MILLIMETRES_PER_M, to_metres
 from slamcli.recordings.adapters.messages import MessageFactory
@@ -23,6 +24,18 @@ _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _JPEG_MAGIC, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 # compressed_depth_image_transport: int32 format, float32 A, float32 B, then the PNG.
 _DEPTH_HEADER = struct.Struct("<iff")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageFile:
+    """An image as it lies in a file, to be written as it is."""
+
+    stamp_ns: int
+    frame_id: str
+    data: bytes
+    """JPEG or PNG."""
+    format: str = "jpeg"
+    topic: str = ""
 
 
 def _decode(message: Any, stamp_ns: int, context: DecodeContext) -> tuple[Image]:
@@ -186,4 +199,11 @@ def _encode(image: Image, messages: MessageFactory) -> Any:
     return messages.make("sensor_msgs/msg/CompressedImage", header, compressed, np.asarray(jpeg))
 
 
+def _encode_file(image: ImageFile, messages: MessageFactory) -> Any:
+    data = np.frombuffer(image.data, dtype=np.uint8)
+    header = messages.header(image.stamp_ns, image.frame_id)
+    return messages.make("sensor_msgs/msg/CompressedImage", header, image.format, data)
+
+
+FILE_ENCODER = Encoder(msgtypes=("sensor_msgs/msg/CompressedImage",), produces=ImageFile, encode=_encode_file)
 ADAPTER = Adapter(msgtypes=("sensor_msgs/msg/CompressedImage",), produces=Image, decode=_decode, encode=_encode)

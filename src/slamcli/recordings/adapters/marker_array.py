@@ -31,6 +31,8 @@ class Marker:
     text: str = ""
     lifetime_s: float = 0.0
     """How long it is shown unless it comes again; 0: for ever."""
+    number: int | None = None
+    """Tells markers of one namespace apart, and which one of the message before is replaced; None: the place in the message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,7 +47,10 @@ class StampedMarkers:
 
 def _encode(stamped: StampedMarkers, messages: MessageFactory) -> Any:
     header = messages.header(stamped.stamp_ns, stamped.frame_id)
-    made = [_marker(marker, number, header, messages) for number, marker in enumerate(stamped.markers)]
+    made = [
+        _marker(marker, place if marker.number is None else marker.number, header, messages)
+        for place, marker in enumerate(stamped.markers)
+    ]
     return messages.make("visualization_msgs/msg/MarkerArray", made)
 
 

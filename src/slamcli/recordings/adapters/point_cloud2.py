@@ -101,6 +101,10 @@ def _encode(cloud: PointCloud, messages: MessageFactory) -> Any:
         columns["intensity"] = cloud.intensities
     if cloud.rings is not None:
         columns["ring"] = cloud.rings
+    if cloud.colours is not None:
+        # As PCL packs them: three bytes of a number that is called a float.
+        red, green, blue = cloud.colours.T.astype(np.uint32)
+        columns["rgb"] = (red << 16 | green << 8 | blue).view(np.float32)
     if cloud.offset_ns is not None and len(cloud.points_m) > 0:
         # Offsets before the stamp do not fit an unsigned "t": then they are float64 seconds, as "time".
         unsigned = cloud.offset_ns.min() >= 0 and 2e5 <= cloud.offset_ns.max() < 1 << 32

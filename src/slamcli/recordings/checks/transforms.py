@@ -14,6 +14,7 @@ from slamcli.recordings.frames import is_transform_topic
 
 _LATE_S = 1.0
 _BASE_FRAMES = ("base_link", "base_footprint", "base")
+_MAP_FRAMES = ("map", "earth", "world")
 
 
 def contradictions(evidence: Evidence) -> Iterator[Finding]:
@@ -33,7 +34,7 @@ def missing(evidence: Evidence) -> Iterator[Finding]:
     base = next((frame for frame in _BASE_FRAMES if frame in tree.frames), None)
     if base is None:
         base = next((o.first.child_frame_id for o in evidence.of(Odometry).values() if o.first is not None), "") or None
-    if base is None and evidence.of(Image) and not evidence.of(LaserScan) and not evidence.of(PointCloud):
+    if base is None and evidence.of(Image) and not _has_ranges(evidence):
         yield from _missing_imu(evidence)
         return
     for kind, what in ((LaserScan, "scanner"), (PointCloud, "scanner"), (ImuSample, "IMU"), (Image, "camera")):
@@ -41,6 +42,8 @@ def missing(evidence: Evidence) -> Iterator[Finding]:
             frame = getattr(found.first, "frame_id", None)
             if frame is None or (base is not None and tree.connected(base, frame)):
                 continue
+            if kind is PointCloud and frame in _MAP_FRAMES:
+                continue  # a map, no sensor
             if base is None:
                 severity, message = "warning", f"no transforms: where the {what} ({frame}) sits on the robot is unknown"
             elif frame == "":
@@ -57,6 +60,14 @@ def missing(evidence: Evidence) -> Iterator[Finding]:
                 if what == "scanner"
                 else f"{mend} or --urdf FILE",
             )
+
+
+def _has_ranges(evidence: Evidence) -> bool:
+    """Return whether there are scans, or clouds of a sensor: those in a map's frame are maps."""
+    clouds = evidence.of(PointCloud).values()
+    return bool(evidence.of(LaserScan)) or any(
+        getattr(found.first, "frame_id", None) not in _MAP_FRAMES for found in clouds
+    )
 
 
 def _missing_imu(evidence: Evidence) -> Iterator[Finding]:
@@ -103,7 +114,7 @@ def late(evidence: Evidence) -> Iterator[Finding]:
 def map_parent(evidence: Evidence) -> Iterator[Finding]:
     """Find a recorded localisation: transforms below a map frame are another run's result."""
     for edge in evidence.frames.edges:
-        if edge.parent in ("map", "earth", "world"):
+        if edge.parent in _MAP_FRAMES:
             yield Finding(
                 severity="note",
                 topic="/tf",
@@ -130,7 +141,7 @@ def shared_frames(evidence: Evidence) -> Iterator[Finding]:
 
 def odometry(evidence: Evidence) -> Iterator[Finding]:
     """Say if there is no odometry, or if it jumps."""
-    if not evidence.of(LaserScan) and not evidence.of(PointCloud):
+    if not _has_ranges(evidence):
         return
     moving = [edge for edge in evidence.frames.edges if not edge.static and "odom" in edge.parent]
     if not evidence.odometry and not moving:

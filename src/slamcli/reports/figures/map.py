@@ -110,7 +110,7 @@ def _overlays(
 
 def _choose_view(grid: OccupancyGrid, points: NDArray[np.float64], max_pixels: int) -> View:
     """Return the view on the known cells and the points, on cell edges where the grid is not turned."""
-    hold = np.concatenate([_known_outline(grid), points])
+    hold = np.concatenate([map_outline(grid), points])
     cell = grid.resolution_m
     low = np.floor((hold.min(axis=0) - grid.origin[:2]) / cell + 1e-6)
     high = np.ceil((hold.max(axis=0) - grid.origin[:2]) / cell - 1e-6)
@@ -127,7 +127,7 @@ def _choose_view(grid: OccupancyGrid, points: NDArray[np.float64], max_pixels: i
     return View(float(left), float(bottom), cells_per_px * cell, int(size[0]), int(size[1]))
 
 
-def _known_outline(grid: OccupancyGrid) -> NDArray[np.float64]:
+def map_outline(grid: OccupancyGrid) -> NDArray[np.float64]:
     """Return points (N, 2), metres, map frame, whose bounding box holds every known cell (all cells if none is)."""
     known = grid.cells != OccupancyGrid.UNKNOWN
     rows = np.flatnonzero(known.any(axis=1))

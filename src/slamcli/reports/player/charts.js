@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Charts of the steps' statistics with a cursor at the time; a click goes there.
 
-const short = (value) => (Number.isNaN(value) ? "–" : Number(value.toPrecision(3)).toLocaleString("en", { maximumSignificantDigits: 3 }));
+const short = (value) => {
+  if (!Number.isFinite(value)) return "–";
+  const size = Math.abs(value);
+  return size > 0 && (size < 0.01 || size >= 1e6) ? value.toExponential(1) : Number(value.toPrecision(3)).toLocaleString("en", { maximumSignificantDigits: 3 });
+};
+
+const RIGHT = 5; // pixels beside the end, for the cursor's dot
 
 class StepChart {
   constructor(entry, arrays, duration, seek) {
@@ -19,9 +25,10 @@ class StepChart {
     this.under = document.createElement("canvas");
     const go = (event) => {
       const box = this.canvas.getBoundingClientRect();
-      seek(((event.clientX - box.left - this.left) / (box.width - this.left)) * duration);
+      seek(((event.clientX - box.left - this.left) / (box.width - this.left - RIGHT)) * duration);
     };
-    this.left = 38;
+    this.left = 42;
+    this.unit = /\d/.test(entry.unit) ? "" : entry.unit; // "0 to 1" is no unit
     this.canvas.addEventListener("pointerdown", (event) => { this.canvas.setPointerCapture(event.pointerId); go(event); });
     this.canvas.addEventListener("pointermove", (event) => event.buttons && go(event));
     const finite = this.values.filter((value) => Number.isFinite(value));
@@ -35,7 +42,7 @@ class StepChart {
     Object.assign(this, { low, high });
   }
 
-  x(time) { return this.left + (time / this.duration) * (this.width - this.left); }
+  x(time) { return this.left + (time / this.duration) * (this.width - this.left - RIGHT); }
 
   y(value) { return 6 + (1 - (value - this.low) / (this.high - this.low)) * (this.height - 14); }
 
@@ -112,7 +119,7 @@ class StepChart {
     pen.lineTo(x, this.height - 2);
     pen.stroke();
     const value = step >= 0 ? this.values[step] : NaN;
-    this.readout.textContent = `${short(value)} ${this.entry.unit}`;
+    this.readout.textContent = `${short(value)} ${this.unit}`;
     if (Number.isFinite(value)) {
       pen.fillStyle = look.chart;
       pen.beginPath();

@@ -17,25 +17,26 @@ class GrowthLevel {
   show(count, palette) {
     const target = this.ends[Math.max(0, Math.min(count, this.ends.length - 1))];
     const { pixels, colours, width } = this;
+    const change = Math.abs(target - this.done);
+    if (!change) return;
+    if (change > colours.length / 16) { // finding the rectangle would take longer than copying the whole
+      for (; this.done < target; this.done++) colours[pixels[this.done]] = palette[this.after[this.done]];
+      while (this.done > target) colours[pixels[--this.done]] = palette[this.before[this.done]];
+      this.context.putImageData(this.image, 0, 0);
+      return;
+    }
     let left = width, right = -1, top = this.height, bottom = -1;
-    const touch = (pixel) => {
+    const turn = (pixel, code) => {
+      colours[pixel] = palette[code];
       const y = (pixel / width) | 0, x = pixel - y * width;
       if (x < left) left = x;
       if (x > right) right = x;
       if (y < top) top = y;
       if (y > bottom) bottom = y;
     };
-    for (; this.done < target; this.done++) {
-      const pixel = pixels[this.done];
-      colours[pixel] = palette[this.after[this.done]];
-      touch(pixel);
-    }
-    while (this.done > target) {
-      const pixel = pixels[--this.done];
-      colours[pixel] = palette[this.before[this.done]];
-      touch(pixel);
-    }
-    if (right >= 0) this.context.putImageData(this.image, 0, 0, left, top, right - left + 1, bottom - top + 1);
+    for (; this.done < target; this.done++) turn(pixels[this.done], this.after[this.done]);
+    while (this.done > target) turn(pixels[--this.done], this.before[this.done]);
+    this.context.putImageData(this.image, 0, 0, left, top, right - left + 1, bottom - top + 1);
   }
 
   // Paints everything anew, as after a change of the colours.

@@ -234,16 +234,18 @@ class EdgeLayer {
       return;
     }
     pen.lineWidth = 1.2;
-    pen.globalAlpha = 0.8;
+    const alpha = Math.min(0.85, Math.max(0.2, 9 / Math.sqrt(count + 1))); // thousands must not hide the map
+    pen.globalAlpha = alpha;
     for (const found of [...RESIDUALS.keys(), 9]) {
       pen.strokeStyle = found === 9 ? look.closure : RESIDUALS[found][1];
       this.stroke(pen, camera, 0, count, found);
     }
     // What was closed a moment ago stands out.
-    pen.globalAlpha = 1;
-    pen.lineWidth = 3.5;
+    pen.lineWidth = 2.6;
+    pen.globalAlpha = Math.min(1, alpha + 0.3);
     pen.strokeStyle = look.closure;
     this.stroke(pen, camera, countUpTo(this.times, moment.time - moment.flash), count);
+    pen.globalAlpha = 1;
   }
 }
 
@@ -257,7 +259,7 @@ class SubmapLayer {
     pen.strokeStyle = look.submap;
     for (const open of [false, true]) {
       pen.lineWidth = open ? 2.2 : 0.9;
-      pen.globalAlpha = open ? 1 : 0.45;
+      pen.globalAlpha = open ? 0.9 : 0.28;
       pen.beginPath();
       for (let i = 0; i < count; i++) {
         if ((this.finished[i] > moment.time) !== open || Number.isNaN(this.outlines[8 * i])) continue;

@@ -91,13 +91,15 @@ function fillIn(player) {
   $("facts").textContent = facts.facts.join(" · ");
   $("notes").textContent = facts.notes.join(" ");
   $("camera").hidden = !facts.images;
+  $("topic").hidden = facts.images?.length === 1;
+  if (facts.images?.length === 1) $("topic").before(facts.images[0].topic);
   (facts.images || []).forEach((entry, number) => $("topic").append(new Option(entry.topic, `${number}`)));
 }
 
 // #t=12.5&speed=20&paused: where to begin. Who asked the system for less motion is not surprised by a film.
 function begin(player) {
   const wish = new URLSearchParams(location.hash.slice(1)), still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-  player.setSpeed(Number(wish.get("speed")) || SPEEDS.find((speed) => player.duration / speed <= 45) || 200);
+  player.setSpeed(Number(wish.get("speed")) || SPEEDS.find((speed) => speed >= 1 && player.duration / speed <= 45) || 200);
   player.seek(Number(wish.get("t")) || 0);
   if (wish.has("follow")) player.camera.setFollow(true);
   if (!still && !wish.has("paused")) player.play();
@@ -106,9 +108,12 @@ function begin(player) {
 async function start() {
   const system = matchMedia("(prefers-color-scheme: dark)");
   document.documentElement.dataset.theme = system.matches ? "dark" : "light";
+  let failed = false; // arrays that come after one that could not be loaded must not hide why
   try {
     const facts = await loadFacts();
-    const arrays = await loadArrays(facts, (done, all) => { $("loading").textContent = `Loading the result … ${done} of ${all}`; });
+    const arrays = await loadArrays(facts, (done, all) => {
+      if (!failed) $("loading").textContent = `Loading the result … ${done} of ${all}`;
+    });
     $("loading").hidden = true;
     document.querySelector("main").hidden = false;
     const player = new Player(facts, arrays);
@@ -126,6 +131,7 @@ async function start() {
     requestAnimationFrame((now) => player.frame(now));
     window.player = player;
   } catch (error) {
+    failed = true;
     $("loading").hidden = false;
     $("loading").textContent = `This result cannot be played: ${error.message}`;
     throw error;

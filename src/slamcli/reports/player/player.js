@@ -72,7 +72,7 @@ class Player {
   moment() {
     const count = countUpTo(this.times, this.time), next = count < this.times.length ? this.times[count] : Infinity;
     const held = count > 0 && next - this.times[count - 1] > this.gap && this.time - this.times[count - 1] > this.gap / 2 && next !== Infinity;
-    return { time: this.time, count, pose: this.poseAt(this.time), held, flash: Math.max(0.5, 0.7 * this.speed) };
+    return { time: this.time, count, pose: this.poseAt(this.time), held, flash: Math.max(0.4, 0.4 * this.speed) };
   }
 
   seek(time) {

@@ -11,7 +11,6 @@ from rosbags.highlevel import AnyReader
 from slamcli.measurements import PointCloud
 from slamcli.posegraph import MapState
 from slamcli.reports.graph_arrays import graph_arrays
-from slamcli.reports.graph_markers import graph_markers
 from slamcli.reports.mcap import write_result
 
 
@@ -31,17 +30,22 @@ def test_other_tools_read_the_graph(tmp_path, name):
     assert [marker.text for marker in names] == list(graph.submap_names)
     starts = np.array([(p.x, p.y) for p in outlines.points])[::2].reshape(-1, 4, 2)
     np.testing.assert_allclose(starts, graph.outlines_m)
-    loops = found["/constraints"].markers
+    loops = [marker for marker in found["/constraints"].markers if marker.ns != "sequence"]
     assert sum(len(marker.points) for marker in loops) == 2 * graph.inter.sum()
     assert len({marker.id for marker in loops}) == len(loops)
     assert {marker.header.frame_id for marker in (*loops, nodes)} == {"map"}
     assert found["/cloud"].width == 20
 
 
-def test_an_empty_graph_has_no_markers():
-    assert graph_markers(MapState(nodes=(), submaps=(), constraints=()), 1) == {}
+def test_an_empty_graph_has_no_markers(tmp_path):
+    nothing = MapState(nodes=(), submaps=(), constraints=())
+    written = write_result(tmp_path / "out.mcap", trajectory=graph_states.trajectory(), state=nothing)
+    assert set(written) == {"/pose", "/tf", "/trajectory"}
 
 
-def test_without_nodes_only_submaps_are_drawn():
+def test_without_nodes_only_submaps_are_drawn(tmp_path):
     state, _ = graph_states.state_and_searches()
-    assert set(graph_markers(MapState(nodes=(), submaps=state.submaps, constraints=()), 1)) == {"/submaps"}
+    alone = MapState(nodes=(), submaps=state.submaps, constraints=())
+    written = write_result(tmp_path / "out.mcap", trajectory=graph_states.trajectory(), state=alone)
+    assert "/submaps" in written
+    assert "/nodes" not in written

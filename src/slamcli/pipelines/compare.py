@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: MIT
+"""Several systems on one recording, side by side: the recipe of ``slamcli compare``."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from slamcli.errors import ProcessError, SlamcliError, UsageError
+from slamcli.evaluation import compare_story
+from slamcli.evaluation.compare_story import Finding
+from slamcli.evaluation.seen_points import SeenPoints, has_pose
+from slamcli.outputs import check_directory
+from slamcli.pipelines.compare_document import Row, comparison_document, ordered
+from slamcli.pipelines.compare_outputs import write_comparison
+from slamcli.pipelines.compare_points import PointsRequest, RecordedPoints, read_points
+from slamcli.pipelines.compare_request import CompareRequest, Entrant, entrants_of
+from slamcli.pipelines.compare_results import Compared, all_failed, run_entrants
+from slamcli.pipelines.compare_scores import (
+    Scores,
+    Truth,
+    agreement,
+    common_stamps,
+    distance,
+    lay_over,
+    load_truth,
+    mean_agreement,
+    score_against_truth,
+)
+from slamcli.pipelines.consistency import Consistency, base_frame_of, consistency_of
+from slamcli.pipelines.jobs import JobOutcome
+from slamcli.pipelines.run_record import describe_inputs
+from slamcli.recordings import open_recording
+from slamcli.recordings.summary import summarise
+from slamcli.recordings.tier_fit import TierFit
+from slamcli.runtime import RunLog
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CompareOutcome:
+    """What came of a comparison."""
+
+    output: Path
+    document: Mapping[str, Any]
+    """``compare.json``."""
+    rows: tuple[Row, ...]
+
+    def figures(self) -> dict[str, float]:
+        """Return every figure that a threshold can be set on: ``<name>.<figure>``."""
+        return {f"{row.compared.name}.{key}": value for row in self.rows for key, value in row.figures.items()}
+
+
+@dataclass(slots=True)
+class _Material:
+    """What is read once for all results."""
+
+    truth: Truth
+    points: RecordedPoints | None = None
+    begin_ns: int = 0
+    fits: Mapping[str, TierFit] = field(default_factory=dict)
+    inputs: Sequence[Mapping[str, Any]] = ()
+
+
+def run_compare(
+    request: CompareRequest, log: RunLog, told: Callable[[JobOutcome], None] = lambda _: None
+) -> CompareOutcome:
+    """Run what is to be compared, measure it, and write the report into a folder.
+
+    Parameters
+    ----------
+    told
+        Is called when a run ends.
+
+    Raises
+    ------
+    InputError
+        If the recording or an option is wrong, or no system can run on the recording; nothing is written then.
+    ProcessError
+        If every run failed; what each said stands in the message.
+    """
+    began = time.perf_counter()
+    entrants, output, material = _prepared(request, log)
+    with log.stage("runs"):
+        compared = run_entrants(request, entrants, output, material.fits, told)
+    nothing = all_failed(compared)
+    if nothing:
+        raise ProcessError(f"nothing to compare: {nothing}")
+    with log.stage("points"):
+        material.points = _points(request, compared, log)
+    if material.points is not None and len(material.points.seen.stamps_ns):
+        material.begin_ns = material.begin_ns or int(material.points.seen.stamps_ns.min())
+    with log.stage("figures"):
+        rows, pairs = _measured(compared, material)
+    document = comparison_document(request, rows, pairs, material.truth.sources, material.inputs, log)
+    with log.stage("write"):
+        write_comparison(
+            output, document, rows, material.truth, material.begin_ns, request, log, time.perf_counter() - began
+        )
+    return CompareOutcome(output=output, document=document, rows=tuple(rows))
+
+
+def default_output(inputs: Sequence[Path]) -> Path:
+    """Return the recording's name with ``-compare``, beside it."""
+    first = inputs[0]
+    name = first.name
+    while Path(name).suffix and not first.is_dir():
+        name = Path(name).stem
+    return first.parent / f"{name}-compare"
+
+
+def _prepared(request: CompareRequest, log: RunLog) -> tuple[tuple[Entrant, ...], Path, _Material]:
+    """Return the entrants, the folder, and what is known before anything runs."""
+    if request.wanted.runs and not request.inputs:
+        raise UsageError(
+            "nothing to run on: name a recording, or compare finished results alone with --result NAME=DIR"
+        )
+    if request.output is None and not request.inputs:
+        raise UsageError("name a folder for the report with -o")
+    output = request.output or default_output(request.inputs)
+    check_directory(output)
+    material = _Material(truth=load_truth(request.references, request.mends, log))
+    if request.inputs:
+        with (
+            log.stage("recording"),
+            open_recording(list(request.inputs), mends=replace(request.mends, shared=True), log=RunLog()) as recording,
+        ):
+            material.fits = {fit.tier: fit for fit in summarise(recording).tiers}
+            material.begin_ns = recording.start_ns
+        material.inputs = describe_inputs(request.inputs)
+    possible = [fit.tier for fit in material.fits.values() if fit.runs]
+    entrants = entrants_of(request.wanted, possible)
+    if not any(_can_run(entrant, material.fits) for entrant in entrants):
+        meant = {entrant.algo for entrant in entrants}
+        why = "; ".join(f"{fit.tier} {fit.mode}" for fit in material.fits.values() if fit.tier in meant or not meant)
+        raise UsageError(f"{request.inputs[0]}: {'none of these' if meant else 'no'} systems can run on it: {why}")
+    return entrants, output, material
+
+
+def _can_run(entrant: Entrant, fits: Mapping[str, TierFit]) -> bool:
+    return entrant.result is not None or entrant.algo not in fits or fits[entrant.algo].runs
+
+
+def _points(request: CompareRequest, compared: Sequence[Compared], log: RunLog) -> RecordedPoints | None:
+    if not request.inputs:
+        log.note("without the recording there are no figures of consistency but those of the graphs: name it as BAG")
+        return None
+    bases = {base_frame_of(found.folder) for found in compared if found.there and found.folder is not None}
+    wanted = PointsRequest(
+        inputs=request.inputs, mends=replace(request.mends, shared=True), start_s=request.start_s, duration_s=request.duration_s,
+        scan_topics=request.scan_topics, points_topics=request.points_topics, cameras=request.cameras, camera_files=request.camera_files,
+    )  # fmt: skip
+    points = read_points(wanted, bases, log)
+    if points is None:
+        log.note("the recording has neither scans nor depth: there are no figures of points")
+    return points
+
+
+def _measured(compared: Sequence[Compared], material: _Material) -> tuple[list[Row], dict[str, Any]]:
+    """Return a row for each entrant, and the agreement of pairs."""
+    there = [found for found in compared if found.there]
+    trajectories = {found.name: found.trajectory for found in there if found.trajectory is not None}
+    truth = material.truth.trajectory
+    first = next(iter(trajectories.values()))
+    base = first if truth is None else lay_over(truth, None, first).trajectory
+    stamps = common_stamps(base, list(trajectories.values()))
+    scores, consistency, laid = {}, {}, {}
+    for found in there:
+        trajectory = trajectories[found.name]
+        scores[found.name] = score_against_truth(found, material.truth, stamps)
+        if truth is None and trajectory is not first:
+            try:
+                scores[found.name].errors = distance(trajectory, first, stamps[has_pose(stamps, first)])[1]
+            except SlamcliError as error:
+                scores[found.name].notes.append(f"not comparable with {there[0].name}: {error}")
+        consistency[found.name] = (
+            consistency_of(found.folder, material.points) if found.folder is not None else Consistency(values={})
+        )
+        laid[found.name] = lay_over(trajectory, found.grid, base)
+    pairs = agreement(laid, trajectories)
+    best = _best(scores)
+    rows = []
+    for found in compared:
+        if not found.there:
+            rows.append(
+                Row(
+                    compared=found,
+                    scores=Scores(),
+                    consistency=Consistency(values={}),
+                    figures={},
+                    findings=(),
+                    laid=None,
+                )
+            )
+            continue
+        score, own, trajectory = scores[found.name], consistency[found.name], trajectories[found.name]
+        figures = {
+            **score.figures, **own.figures(), **mean_agreement(found.name, pairs), **found.costs(), "poses": float(len(trajectory)),
+            "path_length_m": trajectory.length_m,
+        }  # fmt: skip
+        findings = _findings(score, own, material, has_truth=truth is not None, best=best, found=found)
+        rows.append(
+            Row(
+                compared=found,
+                scores=score,
+                consistency=own,
+                figures=ordered(figures),
+                findings=findings,
+                laid=laid[found.name],
+            )
+        )
+    return rows, pairs
+
+
+def _best(scores: Mapping[str, Scores]) -> dict[str, float]:
+    """Return the smallest error of any result, by figure."""
+    keys = ("ate.rmse", "relations.trans.mean")
+    return {key: min((s.figures[key] for s in scores.values() if key in s.figures), default=math.inf) for key in keys}
+
+
+def _findings(
+    score: Scores, own: Consistency, material: _Material, *, has_truth: bool, best: Mapping[str, float], found: Compared
+) -> list[Finding]:
+    begin = material.begin_ns
+    seen: SeenPoints | None = material.points.seen if material.points is not None else None
+    findings: list[Finding] = []
+    if seen is not None and found.trajectory is not None:
+        findings += compare_story.lost_spells(seen.stamps_ns, has_pose(seen.stamps_ns, found.trajectory), begin)
+    if score.errors is not None and has_truth:
+        findings += compare_story.drift(
+            score.errors.stamps_ns, score.errors.errors_m, best["ate.rmse"], begin, "the truth"
+        )
+    if score.relation_errors is not None:
+        errors = score.relation_errors
+        findings += compare_story.missed_relations(
+            errors.stamps_ns, errors.errors_m, best["relations.trans.mean"], begin
+        )
+    if own.sharpness is not None and own.scales is not None:
+        findings += compare_story.double_walls(own.sharpness, own.scales.radius_m, begin)
+    findings += compare_story.off_the_map(own.residual_stamps_ns, own.residuals_m, begin)
+    return findings
