@@ -40,7 +40,10 @@ def test_every_page_is_in_the_index():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_options_in_examples_exist(page):
-    examples = re.findall(r"^(?:    |\$ )(?=.*slamcli )((?:[^\n]|\\\n)*)", page.read_text(), re.MULTILINE)
+    text = page.read_text()
+    examples = re.findall(r"^(?:    |\$ )(?=.*slamcli )((?:[^\n]|\\\n)*)", text, re.MULTILINE)
+    examples += re.findall(r"^ *```(?:sh|console)\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+    examples += re.findall(r"(?<!`)`(slamcli [^`]+)`(?!`)", text.replace("\\|", "|"))
     assert wrong_in("\n".join(examples)) == []
 
 

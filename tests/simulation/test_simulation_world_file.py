@@ -174,3 +174,12 @@ def test_built_in_worlds_load_and_a_wrong_name_names_the_nearest():
         assert world.description
     with pytest.raises(UsageError, match="'office'"):
         find_world("ofice")
+
+
+def test_a_folder_does_not_hide_a_built_in_world(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "office").mkdir()
+    (tmp_path / "result").mkdir()
+    assert find_world("office").name == "office.yaml"
+    with pytest.raises(UsageError, match="result is a folder: name a world file"):
+        find_world("result")

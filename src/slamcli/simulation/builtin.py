@@ -18,7 +18,9 @@ def world_names() -> tuple[str, ...]:
 
 
 def find_world(name: str) -> Path:
-    """Return the file that `name` means: a path if one is there, else a built-in world.
+    """Return the file that `name` means: a file if one is there, else a built-in world.
+
+    A folder is no world, and one that is called like a built-in world (the result of mapping it, say) does not hide that.
 
     Raises
     ------
@@ -26,13 +28,13 @@ def find_world(name: str) -> Path:
         If there is neither; the message names the nearest built-in world.
     """
     path = Path(name)
-    if path.is_dir():
-        raise UsageError(f"{name} is a folder: name a world file, a map.yaml or one of {', '.join(world_names())}")
-    if path.exists():
+    if path.exists() and not path.is_dir():
         return path
     for folder in _FOLDERS:
         if (folder / f"{name}.yaml").is_file():
             return folder / f"{name}.yaml"
+    if path.is_dir():
+        raise UsageError(f"{name} is a folder: name a world file, a map.yaml or one of {', '.join(world_names())}")
     near = difflib.get_close_matches(path.stem, world_names(), n=1)
     hint = f"did you mean {near[0]!r}?" if near else f"built-in worlds are {', '.join(world_names())}"
     raise UsageError(f"no world file and no built-in world {name!r}: {hint}")
