@@ -31,7 +31,7 @@ function makeSwitches(player) {
     return [bar, `${words}  `];
   };
   const parts = [];
-  if (player.layers.some(({ name }) => name === "Loop edges")) parts.push("Loop edges by residual: ", ...RESIDUALS.flatMap(([, colour, words]) => coloured(colour, words)));
+  if (player.layers.some(({ name }) => name === "Loop edges")) parts.push("Loop edges by residual: ", ...RESIDUALS.flatMap(([colour, words]) => coloured(colour, words)));
   const marks = Object.keys(player.facts.marks).filter((kind) => player.facts.marks[kind].length);
   if (marks.length) parts.push(parts.length ? document.createElement("br") : "", "Marks on the time line: ", ...marks.flatMap((kind) => coloured(player.look[kind], MARKS[kind])));
   $("legend").replaceChildren(...parts);
