@@ -83,6 +83,8 @@ def fleet_options(argument: str = "bag", *, result: str, own_jobs: bool = False)
 
 
 def _are_many(words: Sequence[str], argument: str, *, each: bool) -> bool:
+    if each and not words:
+        raise UsageError("--each: name the inputs")
     if each or not words:
         return each
     if all(_is_plain_file(word) for word in words):  # most calls: nothing else is imported

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -93,10 +94,14 @@ def run_fleet(request: FleetRequest, log: RunLog, told: Callable[[JobOutcome], N
             )
         limit = limit or physical_memory_bytes() // (request.workers or os.cpu_count() or 1)
     jobs = [job_of(source, request) for source in request.sources]
-    outcomes = run_jobs(
-        jobs, workers=request.workers, records=request.output / "jobs", told=told, memory_limit_bytes=limit,
-        scheduler=request.scheduler, fresh=request.fresh, keep_stdout=False,
-    )  # fmt: skip
+    try:
+        outcomes = run_jobs(
+            jobs, workers=request.workers, records=request.output / "jobs", told=told, memory_limit_bytes=limit,
+            scheduler=request.scheduler, fresh=request.fresh, keep_stdout=False,
+        )  # fmt: skip
+    finally:
+        with contextlib.suppress(OSError):  # something was kept, or nothing was fetched
+            _cache(request.output).rmdir()
     document = summarise(request.command, request.words, request.sources, outcomes, request.output, log)
     total_s = time.perf_counter() - began
     document["timing"] = {"total_s": round(total_s, 3), "workers": request.workers or None}

@@ -31,7 +31,7 @@ _TELLING = ("size", "ETag", "e_tag", "etag", "last_modified", "LastModified", "m
 """What stores tell of a file that changes with its content."""
 
 Remote = tuple[str, Path]
-"""An address, and where it is to lie: a file or folder of its last part's name."""
+"""An address, and where it is to lie: a file or folder of its last part's name, in a folder of its own in the folder of its run."""
 
 
 def plain_url(url: str) -> str:
@@ -111,9 +111,8 @@ def fetched(
         if not keep:
             for folder in folders:
                 shutil.rmtree(folder, ignore_errors=True)
-                for above in list(folder.parents)[:2]:  # of this run, and of all: if they are empty
-                    with contextlib.suppress(OSError):
-                        above.rmdir()
+                with contextlib.suppress(OSError):  # of this run: once it is empty
+                    folder.parent.rmdir()
 
 
 def local_name(url: str) -> str:

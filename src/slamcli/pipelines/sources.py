@@ -42,7 +42,7 @@ FILE_SCHEME = "file://"
 _OF_RESULT = "trajectory.tum"
 _RESULTS = ("trajectory", "keyframes", "aligned", "map")
 """Names that every result has alike: its folder tells it from others."""
-_RESERVED = ("jobs", "cache", "summary", "report", "run")
+_RESERVED = ("jobs", "cache", "summary.json", "summary.csv", "summary.md", "report.html", "run.json")
 """Names in the folder of a fleet."""
 
 

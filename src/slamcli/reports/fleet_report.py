@@ -76,7 +76,7 @@ def _table(document: Mapping[str, Any]) -> tuple[list[str], list[list[Any]], lis
     ]
     rows = [
         [
-            run["name"], run["state"], *(run["figures"].get(key) for key in keys), run["timing"]["realtime_factor"],
+            run["name"], run["state"], *(run["figures"].get(key) for key in keys), run["timing"]["realtime_factor"] or None,
             round(run["timing"]["wall_s"], 1), round(run["peak_memory_bytes"] / 1e6), run["warnings"], run["message"],
         ]
         for run in runs
