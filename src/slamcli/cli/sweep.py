@@ -21,9 +21,10 @@ from slamcli.cli.sweep_progress import SweepProgress
 from slamcli.runtime import RunLog
 
 if TYPE_CHECKING:
-    from slamcli.pipelines.compare_points import PointsRequest
+    from slamcli.pipelines.sensor_request import SensorRequest
     from slamcli.recordings import Mends
 
+_INTERRUPTED = 130
 _OF_MAP = (
     "scan_topics", "points_topics", "odom_topic", "imu_topic", "fix_topic", "landmark_topic", "rgb_topic", "depth_topic",
     "left_topic", "right_topic", "camera_info_topic", "camera_files", "mode", "vocabulary", "base_frame", "odom_frame", "map_frame",
@@ -114,7 +115,7 @@ def command(
     request = SweepRequest(
         subjects=find_subjects(bag, ref, together=together),
         output=output or maps.with_name(f"{maps.name.removesuffix('-maps')}-sweep"),
-        launch_arguments=launch_arguments, map_options=_map_words(click.get_current_context()), points=_points(of_map, mends),
+        launch_arguments=launch_arguments, map_options=_map_words(click.get_current_context()), sensors=_sensors(of_map), mends=mends,
         workers=workers or os.cpu_count() or 1, command=_command_line(), **options,
     )  # fmt: skip
     with Console(verbosity) as console:
@@ -126,8 +127,8 @@ def command(
             document = write_sweep(sweep, log)
         except KeyboardInterrupt:
             progress.clear()
-            console.say(f"{progress.done} runs are done and kept: the same command goes on with the others")
-            raise
+            console.warn(f"interrupted: {progress.done} runs are done and kept; the same command goes on from there")
+            return _INTERRUPTED
         finally:
             progress.clear()
             console.tell(log)
@@ -144,18 +145,15 @@ for _option in map_command.params:
         command.params.append(_option)
 
 
-def _points(of_map: dict[str, Any], mends: Mends) -> PointsRequest:
-    """Return how figures that need no truth read the recording: as the runs do."""
-    from slamcli.pipelines.compare_points import PointsRequest
+def _sensors(of_map: dict[str, Any]) -> SensorRequest:
+    """Return the sensors that the runs are told to use."""
+    from slamcli.pipelines.map_request import MapRequest
     from slamcli.recordings.camera_topics import CameraNames
 
-    cameras = CameraNames(
-        **{role: of_map[f"{role}_topic"] for role in ("rgb", "depth", "left", "right", "camera_info")}
-    )
-    return PointsRequest(
-        inputs=(), mends=mends, start_s=of_map["start_s"], duration_s=of_map["duration_s"], scan_topics=of_map["scan_topics"],
-        points_topics=of_map["points_topics"], cameras=cameras, camera_files=of_map["camera_files"],
-    )  # fmt: skip
+    roles = ("rgb", "depth", "left", "right", "camera_info")
+    cameras = CameraNames(**{role: of_map[f"{role}_topic"] for role in roles})
+    others = {name: of_map[name] for name in of_map if name not in {"vocabulary", *(f"{role}_topic" for role in roles)}}
+    return MapRequest(algo="", inputs=(), cameras=cameras, **others).sensors
 
 
 def _map_words(context: click.Context) -> tuple[str, ...]:

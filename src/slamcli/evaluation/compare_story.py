@@ -17,15 +17,15 @@ LOST_S = 1.0
 """A spell without a pose is told from here on."""
 DRIFT_M, DRIFT_TIMES = 0.1, 3.0
 """A distance from the truth is told above the larger of this and so many times the best result's ATE."""
-RELATION_M, RELATION_TIMES = 0.2, 5.0
-"""A relation counts as missed above the larger of this and so many times the best result's mean."""
-DOUBLE_M, DOUBLE_TIMES, DOUBLE_POINTS = 0.1, 3.0, 15
-"""A place has double walls where the median offset between visits is above the larger of this and so many times that of the whole
-map, at so many points."""
+RELATION_M, RELATION_TIMES, RELATION_SHARE = 0.2, 5.0, 0.01
+"""A relation counts as missed above the larger of this and so many times the best result's mean; such a share is told."""
+DOUBLE_M, DOUBLE_TIMES, DOUBLE_POINTS, DOUBLE_RADII = 0.1, 3.0, 15, 0.5
+"""A place has double walls where the median offset between visits is above the larger of this and so many times that of the best
+result, or above so many radii, at so many points."""
 PLACE_RADII = 2.0
 """A place is a square as wide as so many radii of a neighbourhood."""
 RESIDUAL_M, RESIDUAL_TIMES, RESIDUAL_SPELL_S = 0.15, 4.0, 1.0
-"""Scans leave the map where their median distance to its walls is above the larger of this and so many times that of the whole run,
+"""Scans leave the map where their median distance to its walls is above the larger of this and so many times that of the best result,
 for longer than this."""
 
 
@@ -110,7 +110,7 @@ def missed_relations(
     """Return how many relations are missed by far, and the first; `best_m` is the best result's mean error."""
     limit = max(RELATION_M, RELATION_TIMES * best_m)
     far = np.flatnonzero(errors_m > limit)
-    if not len(far):
+    if len(far) < max(RELATION_SHARE * len(errors_m), 1):
         return []
     first = far[np.argmin(stamps_ns[far])]
     at_s = _since(stamps_ns[first], begin_ns)
@@ -123,12 +123,12 @@ def missed_relations(
     ]
 
 
-def double_walls(sharp: Sharpness, radius_m: float, begin_ns: int) -> list[Finding]:
-    """Return the place where walls of different visits lie farthest apart, if that is far."""
+def double_walls(sharp: Sharpness, radius_m: float, best_m: float, begin_ns: int) -> list[Finding]:
+    """Return the place where walls of different visits lie farthest apart, if that is far; `best_m` is the best result's median offset."""
     if not len(sharp.revisit_offset_m):
         return []
     usual = float(np.median(sharp.revisit_offset_m))
-    limit = max(DOUBLE_M, DOUBLE_TIMES * usual)
+    limit = min(max(DOUBLE_M, DOUBLE_TIMES * best_m), DOUBLE_RADII * radius_m)
     side = PLACE_RADII * radius_m
     places, which = np.unique(np.floor(sharp.revisit_at_m[:, :2] / side).astype(np.int64), axis=0, return_inverse=True)
     which = which.ravel()
@@ -148,23 +148,23 @@ def double_walls(sharp: Sharpness, radius_m: float, begin_ns: int) -> list[Findi
     return [
         Finding(
             kind="double walls", at_s=at_s,
-            text=f"the map has double walls around ({x:.1f}, {y:.1f}): {worst[0]:.2f} m apart against {usual:.2f} m elsewhere, seen at {at_s:.1f} s",
+            text=f"the map has double walls around ({x:.1f}, {y:.1f}): {worst[0]:.2f} m apart against {usual:.2f} m in half of the map, seen at {at_s:.1f} s",
         )
     ]  # fmt: skip
 
 
-def off_the_map(stamps_ns: NDArray[np.int64], residuals_m: NDArray[np.float64], begin_ns: int) -> list[Finding]:
-    """Return when scans lay far from the map's walls, if they did for longer than a moment."""
+def off_the_map(
+    stamps_ns: NDArray[np.int64], residuals_m: NDArray[np.float64], best_m: float, begin_ns: int
+) -> list[Finding]:
+    """Return when scans lay far from the map's walls, if they did for longer than a moment; `best_m` is the best result's median."""
     stamps, medians = medians_over_time(stamps_ns, residuals_m)
     if len(stamps) < 2:
         return []
-    limit = max(RESIDUAL_M, RESIDUAL_TIMES * float(np.median(residuals_m)))
+    limit = max(RESIDUAL_M, RESIDUAL_TIMES * best_m)
     far = medians > limit
     edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]]).astype(np.int8)))
     spells = [
-        (a, b)
-        for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-        if (b - a) * 1.0 > RESIDUAL_SPELL_S
+        (a, b) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True) if b - a > RESIDUAL_SPELL_S
     ]
     if not spells:
         return []

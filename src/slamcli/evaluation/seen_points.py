@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +57,16 @@ class PlacedPoints:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.points_m)
+
+    def thinned(self, most: int) -> PlacedPoints:
+        """Return every n-th point, so that there are at most `most`."""
+        step = max(-(-len(self) // most), 1)
+        return replace(
+            self,
+            points_m=self.points_m[::step].copy(),
+            origins_m=self.origins_m[::step].copy(),
+            stamps_ns=self.stamps_ns[::step].copy(),
+        )
 
 
 def place(seen: SeenPoints, trajectory: Trajectory, T_base_sensor: NDArray[np.float64]) -> PlacedPoints:

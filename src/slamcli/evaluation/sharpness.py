@@ -21,7 +21,9 @@ _RADIUS_M, _WIDEST_M = 0.6, 3.0
 _RANGES_PER_RADIUS = 10.0
 _CELLS_PER_RADIUS = 12.0
 _SHORTEST_GAP_S, _LONGEST_GAP_S, _GAP_SHARE = 1.0, 30.0, 0.1
-_QUERIES = 20_000
+_QUERIES, _SPATIAL_QUERIES = 20_000, 5_000
+_SPATIAL_POINTS = 150_000
+"""A ball holds more points than a circle."""
 _FEWEST = 6
 _LEAST_VARIANCE_M2 = 1e-6
 _FLAT = 0.1
@@ -80,7 +82,10 @@ class Sharpness:
 def sharpness(placed: PlacedPoints, scales: Scales) -> Sharpness:
     """Return the figures of points."""
     dimensions = 2 if placed.planar else 3
-    found = neighbourhoods(placed, radius_m=scales.radius_m, visit_gap_s=scales.visit_gap_s, num_queries=_QUERIES)
+    queries = _QUERIES if placed.planar else _SPATIAL_QUERIES
+    if not placed.planar:
+        placed = placed.thinned(_SPATIAL_POINTS)
+    found = neighbourhoods(placed, radius_m=scales.radius_m, visit_gap_s=scales.visit_gap_s, num_queries=queries)
     everything = found.own + found.others
     enough = everything[:, 0] >= _FEWEST
     spread = covariances(everything[enough])[1][:, :dimensions, :dimensions]

@@ -110,7 +110,7 @@ def format_opencv_yaml(
 def _plain(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
-    return repr(value) if isinstance(value, float) else str(value)
+    return _real(value) if isinstance(value, float) else str(value)
 
 
 def _lua(value: Any) -> str:

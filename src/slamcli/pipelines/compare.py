@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from slamcli.errors import ProcessError, SlamcliError, UsageError
 from slamcli.evaluation import compare_story
@@ -107,8 +108,8 @@ def default_output(inputs: Sequence[Path]) -> Path:
     """Return the recording's name with ``-compare``, beside it."""
     first = inputs[0]
     name = first.name
-    while Path(name).suffix and not first.is_dir():
-        name = Path(name).stem
+    for suffix in (".gz", *first.suffixes[::-1]):
+        name = name.removesuffix(suffix)
     return first.parent / f"{name}-compare"
 
 
@@ -181,7 +182,7 @@ def _measured(compared: Sequence[Compared], material: _Material) -> tuple[list[R
         )
         laid[found.name] = lay_over(trajectory, found.grid, base)
     pairs = agreement(laid, trajectories)
-    best = _best(scores)
+    best = _best(scores, consistency)
     rows = []
     for found in compared:
         if not found.there:
@@ -215,10 +216,17 @@ def _measured(compared: Sequence[Compared], material: _Material) -> tuple[list[R
     return rows, pairs
 
 
-def _best(scores: Mapping[str, Scores]) -> dict[str, float]:
-    """Return the smallest error of any result, by figure."""
-    keys = ("ate.rmse", "relations.trans.mean")
-    return {key: min((s.figures[key] for s in scores.values() if key in s.figures), default=math.inf) for key in keys}
+def _best(scores: Mapping[str, Scores], consistency: Mapping[str, Consistency]) -> dict[str, float]:
+    """Return the smallest figure of any result that is behind the thresholds of the sentences."""
+    values: dict[str, list[float]] = {"offset": [], "residual": []}
+    for key in ("ate.rmse", "relations.trans.mean"):
+        values[key] = [score.figures[key] for score in scores.values() if key in score.figures]
+    for own in consistency.values():
+        if own.sharpness is not None and len(own.sharpness.revisit_offset_m):
+            values["offset"].append(float(np.median(own.sharpness.revisit_offset_m)))
+        if len(own.residuals_m):
+            values["residual"].append(float(np.median(own.residuals_m)))
+    return {key: min(found, default=0.0) for key, found in values.items()}
 
 
 def _findings(
@@ -239,6 +247,6 @@ def _findings(
             errors.stamps_ns, errors.errors_m, best["relations.trans.mean"], begin
         )
     if own.sharpness is not None and own.scales is not None:
-        findings += compare_story.double_walls(own.sharpness, own.scales.radius_m, begin)
-    findings += compare_story.off_the_map(own.residual_stamps_ns, own.residuals_m, begin)
+        findings += compare_story.double_walls(own.sharpness, own.scales.radius_m, best["offset"], begin)
+    findings += compare_story.off_the_map(own.residual_stamps_ns, own.residuals_m, best["residual"], begin)
     return findings

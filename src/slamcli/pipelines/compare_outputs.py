@@ -104,7 +104,7 @@ def _run_record(
     total_s: float,
 ) -> dict[str, Any]:
     results = document["results"]
-    length_s = max((float(row["timing"].get("recording_s") or 0.0) for row in runs), default=0.0)
+    length_s = max((float((row.get("timing") or {}).get("recording_s") or 0.0) for row in runs), default=0.0)
     return run_document(
         command=request.command or "slamcli compare", algo=",".join(dict.fromkeys(entry["algo"] for entry in results)),
         parameters={

@@ -142,7 +142,7 @@ def entrants_of(wanted: Wanted, default: Sequence[str]) -> tuple[Entrant, ...]:
 def _variant(text: str) -> Entrant:
     name, equals, rest = text.partition("=")
     algo, _, settings = rest.partition(":")
-    if not (name and equals and algo):
+    if not (name and equals and algo) or ":" in name:
         raise UsageError(f"--variant {text!r}: write it as NAME=ALGO or NAME=ALGO:KEY=VALUE,KEY=VALUE")
     sets = tuple(part.strip() for part in _COMMA.split(settings)) if settings else ()
     for part in sets:

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from slamcli.errors import ConfigError
 from slamcli.mapper import find_tier
-from slamcli.parameters import Declaration, as_dict, declarations
+from slamcli.parameters import Declaration, as_dict, convert, declarations
 from slamcli.pipelines.config import load_native, parse_set
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _RANGE = re.compile(rf"^\s*({_NUMBER})\s*:\s*({_NUMBER})\s*((?::[^:]*)*)$")
+_BEGUN = re.compile(rf"^\s*({_NUMBER})\s*:")
 _MOST_VALUES = 10_000
 _DIGITS = 5
 """Significant digits of a drawn number: enough to search with, few enough to type."""
@@ -81,13 +82,14 @@ def parse_axis(text: str, algo: str) -> Axis:
     """
     setting = parse_set(text)
     found = _RANGE.match(setting.value)
-    name = _canonical(setting.name, algo, found.group(1) if found else _split(setting.value, text)[0])
+    begun = _BEGUN.match(setting.value)
+    name = _canonical(setting.name, algo, begun.group(1) if begun else _split(setting.value, text)[0])
     declaration = next(entry for entry in declarations(find_tier(algo).parameters) if entry.name == name)
     if found and declaration.kind in (int, float):
         return _range_axis(text, setting.name, algo, declaration, found)
-    if found is None and declaration.kind in (int, float) and re.match(rf"^\s*{_NUMBER}\s*:", setting.value):
+    if begun and found is None and declaration.kind in (int, float):
         raise ConfigError(f"--set {text}: write a range as LOW:HIGH, LOW:HIGH:log, LOW:HIGH:int or LOW:HIGH:/STEPS")
-    values = [_value(setting.name, algo, part) for part in _split(setting.value, text)]
+    values = [_value(setting.name, algo, declaration, part) for part in _split(setting.value, text)]
     unique = tuple(dict.fromkeys(values))
     if len(unique) > _MOST_VALUES:
         raise ConfigError(f"--set {setting.name}: {len(unique)} values: more than {_MOST_VALUES}")
@@ -115,7 +117,7 @@ def _range_axis(text: str, key: str, algo: str, declaration: Declaration, found:
     if whole and math.ceil(low) > math.floor(high):
         raise ConfigError(f"--set {text}: there is no whole number between {low:g} and {high:g}")
     for end in (math.ceil(low), math.floor(high)) if whole else (low, high):
-        _value(key, algo, f"{end:.17g}")
+        _value(key, algo, declaration, f"{end:.17g}")
     axis = Axis(name=declaration.name, declaration=declaration, values=(), low=low, high=high, log=log, whole=whole)
     if not steps:
         return axis
@@ -150,7 +152,13 @@ def _canonical(key: str, algo: str, value: str) -> str:
     return next(iter(load_native(algo, sets=[f"{key}={value}"]).sources))
 
 
-def _value(key: str, algo: str, text: str) -> Any:
+def _value(key: str, algo: str, declaration: Declaration, text: str) -> Any:
+    """Return a value as the parameter takes it; of a name of an older version as it is read today."""
+    if key == declaration.name:
+        try:
+            return convert(declaration, text)
+        except ConfigError as error:
+            raise ConfigError(f"--set: {error}") from error
     config = load_native(algo, sets=[f"{key}={text}"])
     return as_dict(config.parameters)[next(iter(config.sources))]
 

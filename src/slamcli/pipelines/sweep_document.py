@@ -19,7 +19,6 @@ from slamcli.pipelines.sweep_axes import Axis
 from slamcli.pipelines.sweep_ranking import SetResult
 from slamcli.pipelines.sweep_request import Subject
 from slamcli.pipelines.sweep_runs import RunResult
-from slamcli.pipelines.sweep_scoring import coverage
 from slamcli.pipelines.sweep_statistics import Spread
 from slamcli.runtime import RunLog, peak_memory_bytes
 
@@ -79,7 +78,7 @@ def verdict(sweep: Sweep) -> str:
     unit = " x the baseline's" if len(sweep.request.subjects) > 1 else ""
     if best.one.is_baseline:
         return f"nothing that was tried is better than the baseline ({key} {_short(best.spread.median)}{unit})"
-    head = f"{best.one.label}: {key} {_short(best.spread.median)}{unit}"
+    head = f"best is {best.one.label}: {key} {_short(best.spread.median)}{unit}"
     if not base.spread.count:
         return f"{head}; the baseline failed in every run"
     head += "" if unit else f", the baseline {_short(base.spread.median)}"
@@ -135,7 +134,6 @@ def _parameter(axis: Axis, sweep: Sweep) -> dict[str, Any]:
 
 def _set(one: SetResult) -> dict[str, Any]:
     good = [result for result in one.runs if not result.failure]
-    seen = [coverage(result.figures) for result in good]
     return {
         "rank": one.rank,
         "id": one.one.name,
@@ -147,7 +145,7 @@ def _set(one: SetResult) -> dict[str, Any]:
         "mean_rank": one.mean_rank,
         "recordings": {name or "": _spread(spread) for name, spread in one.per_recording.items()},
         "against_baseline": asdict(one.against_baseline),
-        "coverage": _median(seen),
+        "coverage": _median([result.covered for result in one.runs]),
         "timing": {
             "total_s": _median([result.figures["time.total_s"] for result in good]),
             "realtime_factor": _median([result.figures.get("time.realtime_factor", math.nan) for result in good]),

@@ -9,10 +9,13 @@ from typing import Any
 
 from slamcli.outputs import atomic_file
 from slamcli.parameters import as_dict
+from slamcli.pipelines.native_files import ORBSLAM3
 from slamcli.pipelines.run_record import run_document, to_json
 from slamcli.pipelines.sweep import Sweep
-from slamcli.pipelines.sweep_best import NativeText, UsedInput, native_text
+from slamcli.pipelines.sweep_best import NativeText, native_text
+from slamcli.pipelines.sweep_camera import recorded_camera
 from slamcli.pipelines.sweep_document import sweep_document
+from slamcli.pipelines.sweep_runs import found_by
 from slamcli.reports.sweep_figures import sweep_figures
 from slamcli.reports.sweep_page import sweep_page
 from slamcli.reports.sweep_tables import runs_csv, sweep_markdown
@@ -29,7 +32,7 @@ def write_sweep(sweep: Sweep, log: RunLog) -> dict[str, Any]:
         old.unlink()
     _write(folder / f"best{native.suffix}", native.text)
     with log.stage("write"):
-        document = sweep_document(sweep, _best(sweep, f"best{native.suffix}"), (), log)
+        document = sweep_document(sweep, best_of(sweep, f"best{native.suffix}"), (), log)
         pictures = sweep_figures(document)
     document["outputs"] = sorted([*_TEXTS, *pictures, f"best{native.suffix}", "runs", "jobs"])
     for name, picture in pictures.items():
@@ -63,14 +66,19 @@ def _run_record(sweep: Sweep, document: dict[str, Any], log: RunLog) -> dict[str
 def _native(sweep: Sweep) -> NativeText:
     best = sweep.best
     remark = f"slamcli sweep: {best.one.label}"
-    used = next((r.run.folder for r in best.runs if (r.run.folder / "run.json").is_file()), sweep.best_run.run.folder)
-    return native_text(sweep.baseline, best.one.changes, UsedInput.of(used), remark)
+    run = sweep.best_run.run
+    camera = recorded_camera(sweep.request, run.subject, sweep.baseline) if sweep.request.algo == ORBSLAM3 else {}
+    return native_text(sweep.baseline, best.one.changes, found_by(run), camera, remark)
 
 
-def _best(sweep: Sweep, file: str) -> dict[str, Any]:
+def best_of(sweep: Sweep, file: str) -> dict[str, Any]:
+    """Return where the best set's file and run are, and the command that makes it again."""
     request, result = sweep.request, sweep.best_run
     run = result.run
     words = ["slamcli", "map", *map(str, run.subject.inputs), "--algo", request.algo]
+    if sweep.baseline.remaps and not file.endswith(".launch"):  # topics stand in launch files alone
+        for launch in request.config_files:
+            words += ["--config", str(launch)]
     words += ["--config", str(request.output / file), *request.map_options]
     words += ["--seed", str(run.seed)]
     there = (run.folder / "run.json").is_file()

@@ -8,12 +8,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from slamcli.pipelines.sweep_objective import Objective
 from slamcli.pipelines.sweep_request import Subject
 from slamcli.pipelines.sweep_runs import RunResult
-from slamcli.pipelines.sweep_scoring import coverage
+from slamcli.pipelines.sweep_scoring import extent
 from slamcli.pipelines.sweep_sets import ParameterSet
 from slamcli.pipelines.sweep_statistics import Comparison, Spread, compare, mean_ranks
 
@@ -44,7 +42,7 @@ def without_lost(results: Sequence[RunResult], least: float) -> list[RunResult]:
     """
     widest: dict[str, float] = {}
     for result in results:
-        seen = coverage(result.figures)
+        seen = extent(result.figures)
         if not result.failure and math.isfinite(seen):
             name = result.run.subject.name
             widest[name] = max(widest.get(name, 0.0), seen)
@@ -52,11 +50,12 @@ def without_lost(results: Sequence[RunResult], least: float) -> list[RunResult]:
 
 
 def _judged(result: RunResult, widest: float, least: float) -> RunResult:
-    seen = coverage(result.figures)
-    if result.failure or not math.isfinite(seen) or seen >= least * widest:
+    seen = extent(result.figures)
+    if result.failure or not math.isfinite(seen) or widest <= 0:
         return result
-    failure = f"covers {100 * seen:.3g} % of the reference, the best run {100 * widest:.3g} %"
-    return dataclasses.replace(result, failure=failure)
+    covered = seen / widest
+    failure = "" if covered >= least else f"covers only {100 * covered:.3g} % of what the best run covers"
+    return dataclasses.replace(result, failure=failure, covered=covered)
 
 
 def rank_sets(
@@ -112,17 +111,3 @@ def _unit(baseline: Sequence[float], index: int, seeds: int) -> float:
     """Return what the objective of a recording is a multiple of: the size of the baseline's median there."""
     median = abs(Spread.of(baseline[index * seeds : (index + 1) * seeds]).median)
     return median if median > 0 else math.nan
-
-
-def pareto_front(times: Sequence[float], values: Sequence[float], objective: Objective) -> list[int]:
-    """Return the indices, by rising time, of the sets that no other beats in both; those with NaN are left out."""
-    order = [int(i) for i in np.argsort(np.asarray(times, dtype=np.float64), kind="stable")]
-    front: list[int] = []
-    for i in order:
-        if not (math.isfinite(times[i]) and math.isfinite(values[i])):
-            continue
-        if not front or objective.better(values[i], values[front[-1]]):
-            if front and times[front[-1]] == times[i]:
-                front.pop()
-            front.append(i)
-    return front

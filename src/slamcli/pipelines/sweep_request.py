@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from slamcli.pipelines.compare_points import PointsRequest
+from slamcli.pipelines.sensor_request import SensorRequest
 from slamcli.recordings import Mends
 
 Keep = Literal["all", "best", "none"]
@@ -54,19 +54,16 @@ class SweepRequest:
     least_coverage: float = 0.8
     """A run that covers less than this share of what the best run covers has failed."""
     keep: Keep = "best"
-    points: PointsRequest = field(default_factory=lambda: PointsRequest(inputs=()))
-    """How figures that need no truth read the recording: the same topics, part and mends as in `map_options`."""
+    sensors: SensorRequest = field(default_factory=SensorRequest)
+    """The same as in `map_options`, for figures that read the recording themselves."""
+    mends: Mends = field(default_factory=Mends)
+    """Likewise."""
     scheduler: str | None = None
     """Address of a Dask scheduler whose workers run the runs."""
     memory_limit_bytes: int | None = None
     """Most memory of one run."""
     command: str = ""
     """The command line that asks for this, for the record."""
-
-    @property
-    def mends(self) -> Mends:
-        """What is mended while the recording is read."""
-        return self.points.mends
 
     @property
     def seeds(self) -> range:

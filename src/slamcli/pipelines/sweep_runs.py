@@ -8,14 +8,16 @@ import json
 import math
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from slamcli.outputs import atomic_file
+from slamcli.pipelines.compare_points import PointsRequest
 from slamcli.pipelines.jobs import Job, JobOutcome
 from slamcli.pipelines.run_record import describe_inputs
 from slamcli.pipelines.sweep_axes import value_text
+from slamcli.pipelines.sweep_best import FoundInput
 from slamcli.pipelines.sweep_objective import Objective, needs_no_truth
 from slamcli.pipelines.sweep_request import Subject, SweepRequest
 from slamcli.pipelines.sweep_scoring import Eyes, score_result
@@ -64,6 +66,14 @@ class RunResult:
     peak_memory_bytes: int
     reused: bool
     """Whether an earlier sweep had run it."""
+    covered: float = math.nan
+    """How much of the recording it covers, as a share of what the best run covers; NaN where that is not known."""
+
+
+def found_by(run: Run) -> FoundInput:
+    """Return what a run found in its recording; nothing where it has not run."""
+    known = _read(run.figures_file)
+    return FoundInput() if known is None else FoundInput(**known["found"])
 
 
 def plan_runs(request: SweepRequest, sets: Sequence[ParameterSet]) -> list[Run]:
@@ -104,14 +114,16 @@ class Bookkeeper:
         self._request = request
         self._log = log
         alone = needs_no_truth(objective.key)
-        self._eyes = {s.name: Eyes(replace(request.points, inputs=s.inputs)) for s in request.subjects if alone}
+        self._eyes = {s.name: Eyes(_points(request, s)) for s in request.subjects if alone}
         self._keys = {subject.name: _scoring_key(subject, alone=alone) for subject in request.subjects}
 
     def prepare(self, runs: Sequence[Run]) -> None:
         """Measure again what was measured in another way, or forget it, so that it runs again."""
         for run in runs:
             known = _read(run.figures_file)
-            if known is None or known["scoring"] == self._keys[run.subject.name]:
+            if known is not None and known["scoring"] == self._keys[run.subject.name]:
+                continue
+            if not run.figures_file.exists():
                 continue
             if (run.folder / "run.json").is_file():
                 self._measure(run)
@@ -135,10 +147,22 @@ class Bookkeeper:
         eyes = self._eyes.get(run.subject.name)
         measured = score_result(run.folder, run.subject.reference, self._request.mends, eyes, self._log)
         figures = {name: value if math.isfinite(value) else None for name, value in measured.figures.items()}
-        document = {"scoring": self._keys[run.subject.name], "failure": measured.failure, "figures": figures}
+        document = {
+            "scoring": self._keys[run.subject.name], "failure": measured.failure, "figures": figures,
+            "found": asdict(FoundInput.of(run.folder)),
+        }  # fmt: skip
         with atomic_file(run.figures_file) as stream:
             json.dump(document, stream, indent=1)
         return document
+
+
+def _points(request: SweepRequest, subject: Subject) -> PointsRequest:
+    asked = request.sensors
+    return PointsRequest(
+        inputs=subject.inputs, mends=request.mends, start_s=asked.start_s, duration_s=asked.duration_s,
+        scan_topics=asked.names.scans, points_topics=asked.names.points, cameras=asked.cameras,
+        camera_files=asked.camera_files,
+    )  # fmt: skip
 
 
 def _result(run: Run, outcome: JobOutcome, figures: Mapping[str, float], failure: str) -> RunResult:
@@ -167,6 +191,6 @@ def _scoring_key(subject: Subject, *, alone: bool) -> str:
 def _read(file: Path) -> dict[str, Any] | None:
     try:
         document = json.loads(file.read_text(encoding="utf-8"))
-        return document if {"scoring", "failure", "figures"} <= document.keys() else None
+        return document if {"scoring", "failure", "figures", "found"} <= document.keys() else None
     except (OSError, ValueError, AttributeError):
         return None

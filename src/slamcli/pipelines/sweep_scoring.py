@@ -70,9 +70,12 @@ def score_result(folder: Path, reference: str | None, mends: Mends, eyes: Eyes |
     return Measured(figures=figures)
 
 
-def coverage(figures: Mapping[str, float]) -> float:
-    """Return how much of the recording a result covers, as far as its figures say it; NaN where none does."""
-    for key in ("coverage.poses", "relations.coverage", "map.coverage", "coverage"):
+def extent(figures: Mapping[str, float]) -> float:
+    """Return how much of the recording a result covers, in a unit that is the same for all its results; NaN where none is known.
+
+    Of a trajectory it is the number of poses that the truth has a partner for: one that gets lost has fewer.
+    """
+    for key in ("matched", "relations.matched", "map.coverage", "coverage"):
         if key in figures:
             return figures[key]
     return math.nan

@@ -107,8 +107,11 @@ def _table(
                 text = f"<b>{text}</b>"
             if rank is not None:
                 text += f' <span class="soft">{rank}.</span>'
-            share = 0.0 if value is None or most == 0 or not document["workers"] else 100.0 * abs(value) / most
-            cells += f'<td>{text}<div class="bar" style="width:{share:.0f}%"></div></td>'
+            # A bar says how large a figure is; of one that may be negative it would say nothing.
+            shown = value is not None and value > 0 and most > 0 and figure["unit"] != "nat"
+            share = 100.0 * value / most if value is not None and shown else 0.0
+            bar = f'<div class="bar" style="width:{share:.0f}%;height:.25rem;opacity:.55"></div>' if shown else ""
+            cells += f'<td style="min-width:7rem">{text}{bar}</td>'
         arrow = {"lower": "↓", "higher": "↑"}.get(figure["better"], "")
         lines.append(
             f'<tr><td title="{escape(figure["about"])}">{escape(figure["label"])} {arrow}</td><td>{escape(figure["unit"])}</td>{cells}</tr>'

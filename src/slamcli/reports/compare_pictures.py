@@ -20,8 +20,8 @@ from slamcli.trajectory import Trajectory
 
 PALETTE: tuple[Colour, ...] = (scales.BLUE, scales.VERMILION, scales.GREEN, scales.PURPLE, scales.ORANGE, scales.SKY)
 """As the colours c0 to c5 of a page."""
-_PANEL_PX, _WIDE_PX = 700, 1400
-_COLUMNS = 3
+_PANEL_PX, _WIDE_PX = 800, 1400
+_COLUMNS = 2
 _OCCUPIED = 65
 _GAP = 16
 
@@ -50,7 +50,7 @@ def map_pictures(shown: Sequence[Shown], truth: Trajectory | None) -> bytes:
         picture = paint_cells(one.grid, view)
         thin = plane.line_width(picture)
         if truth is not None:
-            raster.stroke(picture, view.pixels(truth.positions_m[:, :2]), scales.GREEN, 2.2 * thin, opacity=0.55)
+            raster.stroke(picture, view.pixels(truth.positions_m[:, :2]), scales.GREEN, 3.5 * thin, opacity=0.4)
         raster.stroke(picture, view.pixels(one.trajectory.positions_m[:, :2]), PALETTE[one.colour], thin)
         legend: list[tuple[str, Colour | None]] = [(one.name, PALETTE[one.colour])]
         legend += [("truth", scales.GREEN)] if truth is not None else []
@@ -90,7 +90,7 @@ def trajectory_picture(shown: Sequence[Shown], truth: Trajectory | None) -> byte
     thin = plane.line_width(picture)
     legend: list[tuple[str, Colour | None]] = []
     if truth is not None:
-        raster.stroke(picture, view.pixels(lines[-1]), scales.GREEN, 3.0 * thin, opacity=0.5)
+        raster.stroke(picture, view.pixels(lines[-1]), scales.GREEN, 5.0 * thin, opacity=0.35)
         legend.append(("truth", scales.GREEN))
     for one, line in zip(shown, lines, strict=False):
         raster.stroke(picture, view.pixels(line), PALETTE[one.colour], thin, opacity=0.85)
@@ -113,8 +113,8 @@ def _mark(covered: NDArray[np.bool_], pixels: NDArray[np.float64]) -> None:
 
 
 def _tiled(panels: Sequence[Pixels]) -> Pixels:
-    """Return panels in rows of at most three, on white."""
-    columns = min(len(panels), _COLUMNS if len(panels) != 4 else 2)
+    """Return panels in rows of at most two, on white."""
+    columns = min(len(panels), _COLUMNS)
     rows = [panels[i : i + columns] for i in range(0, len(panels), columns)]
     heights = [max(panel.shape[0] for panel in row) for row in rows]
     width = max(sum(panel.shape[1] + _GAP for panel in row) for row in rows)

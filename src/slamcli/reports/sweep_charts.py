@@ -22,7 +22,6 @@ from slamcli.reports.chart_frame import (
     legend_height,
     path,
 )
-from slamcli.reports.scatter import Points, scatter_chart
 from slamcli.reports.sweep_views import (
     CostView,
     PairView,
@@ -51,7 +50,9 @@ def parameter_chart(view: ParameterView, document: Mapping[str, Any]) -> str:
     if np.isfinite(base):
         entries.append(("baseline", "limit"))
     room = legend_height(entries, _WIDTH)
-    frame = Frame(x_low, x_high, y_low, y_high, LEFT, TOP + room, _WIDTH - RIGHT, _HEIGHT + room - BOTTOM)
+    frame = Frame(
+        x_low, x_high, y_low, y_high, _left(y_low, y_high), TOP + room, _WIDTH - RIGHT, _HEIGHT + room - BOTTOM
+    )
     parts = [_y_axis(frame, document), _value_ticks(frame, view), legend(entries, _WIDTH)]
     if np.isfinite(base):
         parts.append(f'<path class="limit" d="M{frame.left} {float(frame.y(np.array(base))):.1f}H{frame.right}"/>')
@@ -128,16 +129,45 @@ def pair_chart(pair: PairView, document: Mapping[str, Any]) -> str:
 
 
 def cost_chart(cost: CostView, document: Mapping[str, Any]) -> str:
-    """Return the time of a run against the objective, one point per set, with the line of those that none beats in both."""
-    front = np.array(cost.front, dtype=np.int64)
-    kinds = [
-        Points(label="sets", x=cost.times_s, y=cost.values, kind="c0"),
-        Points(label="no set is faster and better", x=cost.times_s[front], y=cost.values[front], kind="c2"),
-    ]
+    """Return the time of a run against the objective, one point per set, with a line through those that none beats in both."""
+    y_low, y_high = data_range([cost.values], pad=0.1)
+    x_low, x_high = data_range([cost.times_s], pad=0.06)
+    entries = [("sets", "dots c0"), ("no set is faster and better", "c2")]
+    if cost.baseline >= 0:
+        entries.append(("baseline", "dots c1"))
+    room = legend_height(entries, _WIDTH)
+    frame = Frame(
+        x_low, x_high, y_low, y_high, _left(y_low, y_high), TOP + room, _WIDTH - RIGHT, _HEIGHT + room - BOTTOM
+    )
+    front = list(cost.front)
+    parts = [_y_axis(frame, document), legend(entries, _WIDTH)]
+    for value in scales.ticks(x_low, x_high, 8):
+        x = float(frame.x(np.array(value)))
+        parts.append(f'<path class="axis" d="M{x:.1f} {frame.bottom}v4"/>')
+        parts.append(
+            f'<text class="tick" x="{x:.1f}" y="{frame.bottom + 16}" text-anchor="middle">{scales.number(value)}</text>'
+        )
+    middle = (frame.left + frame.right) / 2
+    parts.append(
+        f'<text class="label" x="{middle:.0f}" y="{frame.bottom + 33}" text-anchor="middle">time of a run in s (median)</text>'
+    )
+    parts.append(f'<path class="line c2" d="{path(frame, cost.times_s[front], cost.values[front])}"/>')
+    parts.append(f'<path class="dots c0" style="stroke-width:7" d="{_dots(frame, cost.times_s, cost.values)}"/>')
+    parts.append(
+        f'<path class="dots c2" style="stroke-width:7" d="{_dots(frame, cost.times_s[front], cost.values[front])}"/>'
+    )
     if cost.baseline >= 0:
         at = [cost.baseline]
-        kinds.append(Points(label="baseline", x=cost.times_s[at], y=cost.values[at], kind="c1"))
-    return scatter_chart("time against the objective", "time of a run in s (median)", objective_label(document), kinds)
+        parts.append(
+            f'<path class="dots c1" style="stroke-width:4" d="{_dots(frame, cost.times_s[at], cost.values[at])}"/>'
+        )
+    return drawing("time against the objective", _WIDTH, _HEIGHT + room, parts)
+
+
+def _left(low: float, high: float) -> int:
+    """Return the room for the labels of the objective's axis."""
+    longest = max((len(scales.number(value)) for value in scales.ticks(low, high, 8)), default=0)
+    return max(LEFT, 36 + round(_CHARACTER * longest))
 
 
 def _y_axis(frame: Frame, document: Mapping[str, Any]) -> str:

@@ -137,7 +137,7 @@ def _cost_picture(cost: CostView, document: Mapping[str, Any]) -> bytes:
     axes.plot(cost.times_s, cost.values, "o", color=_BLUE, markersize=6, label="sets (medians)")
     front = list(cost.front)
     axes.plot(
-        cost.times_s[front], cost.values[front], "-", color=_GREEN, linewidth=1.5, label="no set is faster and better", zorder=1,
+        cost.times_s[front], cost.values[front], "o-", color=_GREEN, linewidth=1.5, label="no set is faster and better", zorder=3,
     )  # fmt: skip
     if cost.baseline >= 0:
         axes.plot(

@@ -85,7 +85,7 @@ def _against(one: Mapping[str, Any]) -> str:
 def numeric_columns(document: Mapping[str, Any]) -> list[int]:
     """Return the columns of the table of sets that are set to the right."""
     columns = set_columns(document)
-    return [i for i, name in enumerate(columns) if name not in ("against the baseline", "quartiles", "range")]
+    return [i for i, name in enumerate(columns) if name != "against the baseline"]
 
 
 def sweep_text(document: Mapping[str, Any], most: int = 30) -> str:
