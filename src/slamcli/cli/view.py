@@ -103,7 +103,7 @@ def command(
         log = RunLog(console)
         if serve or export is not None:
             source = check_player(sources, output, serve=serve, export=export)
-            inputs = {"recording": recordings, "truth": truth, "mends": mends}
+            inputs = {"recording": recordings, "truth": truth, "mends": mends, "title": title}
             if export is None:
                 return serve_page(
                     source, console, host=host, port=port, open_it=open_it, as_json=as_json, inputs=inputs
