@@ -190,8 +190,15 @@ class Laid:
 
     trajectory: Trajectory
     grid: OccupancyGrid | None
-    aligned: bool
-    """Whether it could be laid there."""
+    T_common_map: Similarity | None
+    """From its own frame; None where it could not be laid there."""
+
+    def place(self, at_m: tuple[float, float]) -> tuple[float, float]:
+        """Return a place of the result's own map in the common frame."""
+        if self.T_common_map is None:
+            return at_m
+        x, y, _ = self.T_common_map.transform_points([[*at_m, 0.0]])[0].tolist()
+        return x, y
 
 
 def lay_over(found: Trajectory, grid: OccupancyGrid | None, base: Trajectory) -> Laid:
@@ -202,8 +209,8 @@ def lay_over(found: Trajectory, grid: OccupancyGrid | None, base: Trajectory) ->
         own, other = interpolate(found, there), interpolate(base, there)
         T = alignment.yaw_and_position(own.positions_m, other.positions_m)
     except SlamcliError:
-        return Laid(trajectory=found, grid=grid, aligned=False)
-    return Laid(trajectory=transformed(found, T), grid=None if grid is None else _moved(grid, T), aligned=True)
+        return Laid(trajectory=found, grid=grid, T_common_map=None)
+    return Laid(trajectory=transformed(found, T), grid=None if grid is None else _moved(grid, T), T_common_map=T)
 
 
 def _moved(grid: OccupancyGrid, T: Similarity) -> OccupancyGrid:
