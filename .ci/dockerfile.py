@@ -168,6 +168,12 @@ def _size_mb(root: Path) -> int:
     return int(said.split()[0])
 
 
+def _split(words: list[str]) -> tuple[list[str], list[str]]:
+    """Return the words before and after ``--``."""
+    at = words.index("--") if "--" in words else len(words)
+    return words[:at], words[at + 1 :]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dockerfile", type=Path)
@@ -187,8 +193,8 @@ def main() -> None:
     )
     parser.add_argument("--work", default="", help="folder that is mounted at /work")
     parser.add_argument("--read-only", action="store_true")
-    parser.add_argument("words", nargs="*")
-    options = parser.parse_args()
+    given, words = _split(sys.argv[1:])
+    options = parser.parse_args(given)
     text = options.dockerfile.read_text()
     beside = options.dockerfile.with_name(f"{options.dockerfile.name}.dockerignore")
     ignored = [line.strip() for line in beside.read_text().splitlines() if line.strip() and not line.startswith("#")]
@@ -199,7 +205,7 @@ def main() -> None:
     if options.run:
         command = _chroot(
             image,
-            [*image.entrypoint, *options.words],
+            [*image.entrypoint, *words],
             [],
             arguments,
             environment,

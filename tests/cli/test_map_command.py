@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 OFFICE = str(ROOT / "sample_data" / "office.bag")
 DATA = Path(os.environ.get("SLAMCLI_TEST_DATA", ROOT.parent / "shared" / "data"))
 FAST = ["--set", "particles=4", "--duration", "6", "-q"]
-FILES = ["map.pgm", "map.png", "map.yaml", "report.html", "run.json", "trajectory.tum"]
+FILES = ["map.pgm", "map.png", "map.yaml", "particles.npz", "report.html", "run.json", "trajectory.tum"]
 
 
 @pytest.fixture(autouse=True)

@@ -98,3 +98,15 @@ def test_steps_lead_back_to_the_poses_they_were_taken_from():
     steps = se2.between(poses[:-1], poses[1:])
     np.testing.assert_allclose(se2.integrate(poses[0], steps), poses, atol=1e-12)
     np.testing.assert_array_equal(se2.integrate(poses[0], np.zeros((0, 3))), poses[:1])
+
+
+def test_single_planar_poses_are_those_of_arrays_to_the_bit():
+    rng = np.random.default_rng(3)
+    first, second = rng.normal(0, 10, (2, 4000, 3))
+    special = np.array([0.0, -0.0, np.pi, -np.pi, 3 * np.pi, 1e6, -1e-300])
+    first[:700, 2], second[:700, 2] = rng.choice(special, 700), rng.choice(special, 700)
+    for one, many in (
+        ([se2.compose(a, b) for a, b in zip(first, second, strict=True)], se2.compose(first, second)),
+        ([se2.inverse(a) for a in first], se2.inverse(first)),
+    ):
+        assert np.array_equal(np.array(one).view(np.int64), many.view(np.int64))

@@ -86,7 +86,7 @@ def test_particles_graph_and_marks(content):
     np.testing.assert_allclose(arrays["node_time"], [0.0, 2.5, 7.5])
     assert arrays["edge"].tolist() == [[0, 1], [1, 2], [0, 2]]
     assert arrays["edge_kind"].tolist() == [0, 0, 1]
-    assert arrays["edge_residual"][2] == pytest.approx(0.07)
+    assert arrays["edge_class"].tolist() == [9, 9, 1]  # 0.07 m; the way from node to node has no residual
     assert facts["marks"] == {"closure": [7.5], "resampling": [6.0]}
     assert [chart["title"] for chart in facts["charts"]] == [
         "Points of each scan",
@@ -109,13 +109,14 @@ def test_a_clock_that_runs_backwards_waits_and_a_graph_is_sorted(replay):
     trajectory = dataclasses.replace(replay.trajectory, stamps_ns=back)
     graph = GraphTrack(
         stamps_ns=stamps[[4, 2]], positions_m=np.array([[4.0, 0, 0], [2.0, 0, 0]]), edges=np.array([[0, 1], [1, 0]]),
-        kinds=np.array([1, 0], dtype=np.uint8), edge_stamps_ns=stamps[[9, 4]], residual_m=np.array([0.1, np.nan]),
+        kinds=np.array([1, 0], dtype=np.uint8), edge_stamps_ns=stamps[[9, 4]], residual_m=np.array([0.1, np.nan]), residual_rad=np.array([0.5, np.nan]),
     )  # fmt: skip
     arrays = player_content(dataclasses.replace(replay, trajectory=trajectory, graph=graph)).arrays
     assert arrays["time"][4:7].tolist() == [2.0, 2.0, 3.0]
     assert arrays["node"][:, 0].tolist() == [2.0, 4.0]
     assert arrays["edge"].tolist() == [[0, 1], [1, 0]]
     assert arrays["edge_time"].tolist() == [2.0, 4.5]
+    assert arrays["edge_class"].tolist() == [9, 3]  # the worse of both residuals counts
 
 
 def test_far_coordinates_keep_their_millimetres(replay):
@@ -139,6 +140,17 @@ def test_what_is_seen_from_the_side_without_a_map(replay):
     np.testing.assert_allclose(content.arrays["pose"][-1], [0.0, 9.0, np.pi / 2])
     assert content.arrays["cloud"].tolist() == [[1, 2], [2, 3], [0, 1]]  # by y, which nobody sees
     assert np.all(np.diff(content.arrays["cloud_height"].astype(int)) >= 0)
+
+
+@pytest.mark.parametrize(
+    ("quat_xyzw", "front"),
+    [((0.0, 0.0, 0.0, 1.0), 0.0), ((-0.5, 0.5, -0.5, 0.5), 0.0), ((0.5, 0.5, 0.5, 0.5), 0.0), ((-0.7071068, 0.0, 0.0, 0.7071068), np.pi / 2)],
+    ids=["a robot along x", "a camera that looks along x", "the same upside down", "a camera that looks along y"],
+)  # fmt: skip
+def test_where_robots_and_cameras_point_to(replay, quat_xyzw, front):
+    trajectory = dataclasses.replace(replay.trajectory, quats_xyzw=np.tile(quat_xyzw, (small.STEPS, 1)))
+    pose = player_content(dataclasses.replace(replay, trajectory=trajectory)).arrays["pose"]
+    np.testing.assert_allclose(pose[:, 2], front, atol=1e-6)
 
 
 def test_submaps_in_the_order_in_which_they_were_begun(replay):
@@ -186,6 +198,9 @@ def test_one_file_holds_everything_and_allows_nothing_else(result, tmp_path, con
     again = tmp_path / "again.html"
     export_player(result, again, truth=result.parent / "truth.tum", log=RunLog())
     assert again.read_bytes() == target.read_bytes()
+    export_player(result, again, title="A <room>", log=RunLog())
+    assert player_result.facts_of(again.read_text())["title"] == "A <room>"
+    assert "<title>A &lt;room&gt;</title>" in again.read_text()
 
 
 def test_a_page_that_would_be_too_large_is_refused(result, tmp_path, monkeypatch):

@@ -19,7 +19,7 @@ from slamcli.cli.view_player import check_pictures, check_player, export_page, p
 @click.argument("sources", metavar="SOURCE...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
-    help="Where the picture goes (.png), or a result as a recording for Foxglove and RViz (.mcap, .bag, a folder). Default: view.png in a result folder, else NAME-view.png beside the source.",
+    help="Where the picture goes (.png); of a result, a map or a trajectory also a figure for papers (.pdf, .svg), a film (.gif, .mp4), or a recording for Foxglove and RViz (.mcap, .bag, a folder). Default: view.png in a result folder, else NAME-view.png beside the source.",
 )  # fmt: skip
 @click.option(
     "--truth", type=click.Path(path_type=Path), metavar="FILE",
@@ -33,6 +33,10 @@ from slamcli.cli.view_player import check_pictures, check_player, export_page, p
 @click.option(
     "--max-pixels", type=click.IntRange(64, 20000), default=2000, show_default=True,
     help="Most pixels of the drawing's longer side; larger maps are reduced so that walls stay.",
+)  # fmt: skip
+@click.option(
+    "--width-cm", type=click.FloatRange(4.0, 60.0), show_default="8.8, a column", metavar="CM",
+    help="Width of a .pdf or .svg, with the page's margins.",
 )  # fmt: skip
 @click.option(
     "--start", "start_s", type=float, metavar="SEC", help="Recordings: begin so many seconds after its start."
@@ -60,6 +64,7 @@ def command(
     align: Any,
     title: str | None,
     max_pixels: int,
+    width_cm: float | None,
     start_s: float | None,
     duration_s: float | None,
     scans: int,
@@ -84,6 +89,8 @@ def command(
     slamcli view state.pbstream                 map and trajectory of a state of Cartographer
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
     slamcli view intel -o intel.mcap            the run as it went, for Foxglove and RViz
+    slamcli view intel -o intel.pdf             map and trajectory for a paper; several results over each other
+    slamcli view intel -o intel.gif             a film of the map as it grew
     slamcli view intel --serve                  plays it in the browser
     slamcli view drive.bag                      topics over time, odometry and scans
 
@@ -96,7 +103,7 @@ def command(
         log = RunLog(console)
         if serve or export is not None:
             source = check_player(sources, output, serve=serve, export=export)
-            inputs = {"recording": recordings, "truth": truth, "mends": mends}
+            inputs = {"recording": recordings, "truth": truth, "mends": mends, "title": title}
             if export is None:
                 return serve_page(
                     source, console, host=host, port=port, open_it=open_it, as_json=as_json, inputs=inputs
@@ -113,6 +120,7 @@ def command(
             scans=scans,
             mends=mends,
             recording=recordings,
+            width_cm=width_cm,
         )
         seen = view(list(sources), output, options, log)
         console.tell(log)

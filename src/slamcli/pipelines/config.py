@@ -13,7 +13,6 @@ from slamcli.errors import ConfigError
 from slamcli.mapper import find_tier
 from slamcli.native import Setting, merge
 from slamcli.native.checks import Finding
-from slamcli.native.checks.files import check_file
 from slamcli.native.orbslam_names import canonical
 from slamcli.native.orbslam_names import renamed as of_new_schema
 from slamcli.native.rtabmap_names import of_today
@@ -140,6 +139,8 @@ def check(files: Iterable[Path], beams: int | None = None, range_m: float | None
     ConfigError
         If a file does not exist or is not text.
     """
+    from slamcli.native.checks.files import check_file  # what it knows of planners takes long to import
+
     tables = {
         algo: declarations(find_tier(algo).parameters) for algo in ("gmapping", "cartographer", "orbslam3", RTABMAP)
     }

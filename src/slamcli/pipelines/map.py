@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from slamcli.errors import CalibrationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
@@ -21,7 +21,6 @@ from slamcli.pipelines.config import NativeConfig, load_native
 from slamcli.pipelines.database_input import are_databases, open_databases
 from slamcli.pipelines.databases import is_scratch, leave_behind, localising, put_into, remove_running
 from slamcli.pipelines.dense import DenseModel, check_dense, dense_model, is_empty, model_of_views
-from slamcli.pipelines.evaluate import score_trajectory
 from slamcli.pipelines.feeds import Feed, find_feed
 from slamcli.pipelines.map_outputs import RECORDS, RESULT_MCAP, summarise, write_mcap, write_records, write_result
 from slamcli.pipelines.map_request import MapRequest
@@ -31,7 +30,11 @@ from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.posegraph import MapState
 from slamcli.recordings import Recording, open_recording
 from slamcli.runtime import RunLog
+from slamcli.trajectory import Trajectory
 from slamcli.vision.vocabulary import Vocabulary
+
+if TYPE_CHECKING:
+    from slamcli.pipelines.trajectory_score import TrajectoryScore
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +85,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             run = _from_state(request, config, state, log)
         inputs = digests.result() if digests is not None else []
     result = run.result
-    score = None if reference is None else score_trajectory(result.trajectory, reference, log=log)
+    score = _score(result.trajectory, reference, log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
             written = write_result(folder, result, score=score, choices=request.choices, log=log, dense=run.dense)
@@ -103,6 +106,14 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
         write_state(request.save_state, result.state)
     request.atlas.write_atlas(result)
     return MapOutcome(output=output, result=result, run=document)
+
+
+def _score(estimate: Trajectory, reference: Trajectory | None, log: RunLog) -> TrajectoryScore | None:
+    if reference is None:
+        return None
+    from slamcli.pipelines.evaluate import score_trajectory  # it takes long to import
+
+    return score_trajectory(estimate, reference, log=log)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

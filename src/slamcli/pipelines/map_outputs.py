@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from slamcli.mapper import MappingResult
 from slamcli.measurements import PointCloud
 from slamcli.parameters import Declaration
 from slamcli.pipelines.dense import DenseChoices, DenseKind, DenseModel, write_dense
-from slamcli.pipelines.evaluate import TrajectoryScore
 from slamcli.pipelines.run_record import step_columns, to_json
 from slamcli.pipelines.view_alignment import laid_over
 from slamcli.recordings import Mends
@@ -35,6 +34,9 @@ from slamcli.reports.figures import map_png
 from slamcli.reports.html import report
 from slamcli.runtime import RunLog
 from slamcli.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from slamcli.pipelines.trajectory_score import TrajectoryScore
 
 CloudFormat = Literal["ply", "pcd", "none"]
 RECORDS = ("report.html", "run.json")

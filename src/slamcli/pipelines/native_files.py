@@ -11,7 +11,6 @@ from pathlib import Path
 from slamcli.errors import ConfigError
 from slamcli.native import Launch, LaunchNode, Setting, is_preset, read_cartographer_lua, read_launch, read_ros_yaml
 from slamcli.native.cartographer_launch import find_configuration
-from slamcli.native.nav2_yaml import is_nav2, translate_nav2
 from slamcli.native.opencv_yaml import read_opencv_yaml
 from slamcli.native.orbslam_launch import find_settings
 from slamcli.native.orbslam_names import NODE_PACKAGES, NODES, renamed
@@ -167,7 +166,11 @@ def _read_lua(
 def _read_yaml(algo: str, path: Path, log: RunLog) -> Sequence[Setting]:
     """Return the parameters of a YAML file; of one of nav2's those of amcl, for amcl."""
     settings = read_ros_yaml(path)
-    if algo != AMCL or not is_nav2(settings):
+    if algo != AMCL:
+        return settings
+    from slamcli.native.nav2_yaml import is_nav2, translate_nav2  # what it knows of planners takes long to import
+
+    if not is_nav2(settings):
         return settings
     translated = translate_nav2(setting for setting in settings if setting.name.startswith(f"{AMCL}/"))
     for note in translated.notes:

@@ -32,6 +32,7 @@ def open_player(
     recording: Sequence[Path] = (),
     truth: Path | None = None,
     mends: Mends | None = None,
+    title: str | None = None,
     log: RunLog,
 ) -> PlayerServer:
     """Return a server that listens and has the player of a result; `PlayerServer.serve_forever` answers.
@@ -48,6 +49,8 @@ def open_player(
         Ground truth to draw beside the trajectory.
     mends
         What is mended while the recording is read.
+    title
+        Line above the page; None for the name of the folder.
     log
         Takes notes and warnings; one if others than this machine can reach the server.
 
@@ -58,7 +61,9 @@ def open_player(
     """
     server = PlayerServer(Site(resources={}), host, port)  # an address that is taken is told before the result is read
     try:
-        content = player_content(load_replay(source, recording=recording, truth=truth, mends=mends, log=log))
+        content = player_content(
+            load_replay(source, recording=recording, truth=truth, mends=mends, log=log), title=title
+        )
         server.site = _site(content)
         if not server.local:
             log.warn(f"{server.url} can be reached by others on the network, and nobody is asked for a password")
@@ -75,6 +80,7 @@ def export_player(
     recording: Sequence[Path] = (),
     truth: Path | None = None,
     mends: Mends | None = None,
+    title: str | None = None,
     log: RunLog,
 ) -> int:
     """Write the player of a result with all its data into one HTML file, and return its size in bytes.
@@ -90,7 +96,7 @@ def export_player(
         raise UsageError(f"{target}: the page is a file whose name ends with .html")
     check_file(target)
     replay = load_replay(source, recording=recording, truth=truth, mends=mends, log=log)
-    content = player_content(replay, scan_points=_EXPORT_SCAN_POINTS, images=_EXPORT_IMAGES)
+    content = player_content(replay, title=title, scan_points=_EXPORT_SCAN_POINTS, images=_EXPORT_IMAGES)
     page = standalone_page(content.facts, content.arrays, _pictures(content, log)).encode()
     if len(page) > MOST_EXPORT_BYTES:
         raise UsageError(

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from slamcli.geometry import quaternion
 from slamcli.pipelines.replay import Replay
 from slamcli.pipelines.replay_tracks import ReplayImage
+from slamcli.pipelines.serve_charts import PlayerClock, add_charts
 from slamcli.reports.figures.track import choose_axes
-from slamcli.reports.step_charts import series
+from slamcli.reports.graph_map import residual_classes
 from slamcli.trajectory import Trajectory
 
 _MOST_CLOUD_POINTS = 250_000
@@ -25,6 +26,8 @@ _FAR_M = 10_000.0
 _LEAST_GAP_S = 1.0
 _GAP_INTERVALS = 5.0
 _AXES = "xyz"
+_UNMEASURED = 9
+"""Class of edges without a residual."""
 _GROWTH = {
     "scans": "",
     "visibility": "The recording was not found: the map grows by what can be seen of it from each pose, not by its scans.",
@@ -43,39 +46,30 @@ class PlayerContent:
     """Give the JPEG of each image, no wider than a number of pixels."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Times:
-    """Seconds since the first pose, never running backwards: a clock that did waits until it has caught up."""
-
-    began_ns: int
-
-    def of(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        return np.maximum.accumulate(np.asarray(stamps_ns, dtype=np.int64) - self.began_ns) / 1e9
-
-    def order(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        return np.argsort(stamps_ns, kind="stable")
-
-
-def player_content(replay: Replay, *, scan_points: int = _MOST_SCAN_POINTS, images: int | None = None) -> PlayerContent:
+def player_content(
+    replay: Replay, *, title: str | None = None, scan_points: int = _MOST_SCAN_POINTS, images: int | None = None
+) -> PlayerContent:
     """Return what the player shows of a result.
 
     Parameters
     ----------
     replay
         What happened when.
+    title
+        Line above the page; None for the name of the result.
     scan_points
         How many points of scans are kept at most; of more every second, third ... scan is.
     images
         How many images of all cameras are kept at most, spread evenly; None for all.
     """
     trajectory = replay.trajectory
-    clock = _Times(int(trajectory.stamps_ns[0]))
+    clock = PlayerClock(int(trajectory.stamps_ns[0]))
     first, second = (0, 1) if replay.grid is not None else choose_axes([trajectory])
     axes = [first, second]
     shift = np.where(np.abs(trajectory.positions_m[0, axes]) > _FAR_M, np.round(trajectory.positions_m[0, axes]), 0.0)
     arrays: dict[str, NDArray[Any]] = _poses(trajectory, clock, axes, shift)
     facts: dict[str, Any] = {
-        "title": replay.name, "algo": replay.algo, "poses": len(trajectory), "duration_s": float(arrays["time"][-1]),
+        "title": title or replay.name, "algo": replay.algo, "poses": len(trajectory), "duration_s": float(arrays["time"][-1]),
         "gap_s": _gap_s(arrays["time"]), "axes": [_AXES[first], _AXES[second]], "shift_m": shift.tolist(),
         "map": None, "growth": replay.growth, "facts": _told(replay), "notes": [n for n in (_GROWTH[replay.growth],) if n],
     }  # fmt: skip
@@ -89,7 +83,7 @@ def player_content(replay: Replay, *, scan_points: int = _MOST_SCAN_POINTS, imag
     marks = _add_graph(replay, clock, axes, shift, arrays)
     _add_submaps(replay, clock, shift, arrays)
     shown = _add_images(replay, clock, images, facts, arrays)
-    facts["charts"], step_marks = _add_charts(replay, clock, arrays)
+    facts["charts"], step_marks = add_charts(replay, clock, arrays)
     facts["marks"] = {**marks, **step_marks}
     facts["bounds_m"] = _bounds(facts, arrays)
     facts["arrays"] = {
@@ -104,12 +98,13 @@ def _flat(points: NDArray[Any]) -> NDArray[np.float32]:
 
 
 def _poses(
-    trajectory: Trajectory, clock: _Times, axes: Sequence[int], shift: NDArray[np.float64]
+    trajectory: Trajectory, clock: PlayerClock, axes: Sequence[int], shift: NDArray[np.float64]
 ) -> dict[str, NDArray[Any]]:
     """Return times (N,) and poses (N, 3): two coordinates, and where the front points to in their plane."""
-    # Seen from above robots drive along their x axis; cameras, which are seen from their side, look along z.
-    ahead = np.array([1.0, 0.0, 0.0]) if list(axes) == [0, 1] else np.array([0.0, 0.0, 1.0])
-    front = quaternion.to_matrix(trajectory.quats_xyzw) @ ahead
+    rotations = quaternion.to_matrix(trajectory.quats_xyzw)
+    # A robot's z axis, or a camera's y axis, stands upright on the plane; the one drives along x, the other looks along z.
+    upright = np.median(np.abs(rotations[:, 3 - sum(axes), :]), axis=0)
+    front = rotations[:, :, 2 if upright[1] > upright[2] else 0]
     yaw = np.arctan2(front[:, axes[1]], front[:, axes[0]])
     poses = np.column_stack([trajectory.positions_m[:, axes] - shift, yaw])
     return {"time": clock.of(trajectory.stamps_ns), "pose": _flat(poses)}
@@ -168,7 +163,7 @@ def _add_cloud(
 
 
 def _add_scans(
-    replay: Replay, clock: _Times, shift: NDArray[np.float64], most: int, facts: dict[str, Any],
+    replay: Replay, clock: PlayerClock, shift: NDArray[np.float64], most: int, facts: dict[str, Any],
     arrays: dict[str, NDArray[Any]],
 ) -> None:  # fmt: skip
     """Keep the points as whole multiples of a length in int16: a quarter of the bytes, and finer than a laser."""
@@ -190,7 +185,11 @@ def _add_scans(
 
 
 def _add_particles(
-    replay: Replay, clock: _Times, shift: NDArray[np.float64], facts: dict[str, Any], arrays: dict[str, NDArray[Any]]
+    replay: Replay,
+    clock: PlayerClock,
+    shift: NDArray[np.float64],
+    facts: dict[str, Any],
+    arrays: dict[str, NDArray[Any]],
 ) -> None:
     particles = replay.particles
     if particles is None or not len(particles.stamps_ns):
@@ -202,7 +201,7 @@ def _add_particles(
 
 
 def _add_graph(
-    replay: Replay, clock: _Times, axes: Sequence[int], shift: NDArray[np.float64], arrays: dict[str, NDArray[Any]]
+    replay: Replay, clock: PlayerClock, axes: Sequence[int], shift: NDArray[np.float64], arrays: dict[str, NDArray[Any]]
 ) -> dict[str, list[float]]:
     """Add nodes and edges, each in the order of their times; return when loops were closed."""
     graph = replay.graph
@@ -219,12 +218,15 @@ def _add_graph(
     arrays["edge"] = place[graph.edges[order]]
     arrays["edge_kind"] = graph.kinds[order]
     arrays["edge_time"] = clock.of(graph.edge_stamps_ns[order])
-    arrays["edge_residual"] = _flat(graph.residual_m[order])
+    classes = residual_classes(graph.residual_m[order], np.nan_to_num(graph.residual_rad[order]))
+    arrays["edge_class"] = np.where(np.isnan(graph.residual_m[order]), _UNMEASURED, classes).astype(np.uint8)
     loops = arrays["edge_time"][arrays["edge_kind"] == graph.KINDS.index("loop")]
     return {"closure": np.unique(loops.round(2)).tolist()}
 
 
-def _add_submaps(replay: Replay, clock: _Times, shift: NDArray[np.float64], arrays: dict[str, NDArray[Any]]) -> None:
+def _add_submaps(
+    replay: Replay, clock: PlayerClock, shift: NDArray[np.float64], arrays: dict[str, NDArray[Any]]
+) -> None:
     submaps = replay.submaps
     if submaps is None or not np.isfinite(submaps.outlines_m).any():
         return
@@ -235,7 +237,7 @@ def _add_submaps(replay: Replay, clock: _Times, shift: NDArray[np.float64], arra
 
 
 def _add_images(
-    replay: Replay, clock: _Times, most: int | None, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]
+    replay: Replay, clock: PlayerClock, most: int | None, facts: dict[str, Any], arrays: dict[str, NDArray[Any]]
 ) -> tuple[Callable[[int], bytes], ...]:
     """Sort the images by their camera; return what gives each."""
     facts["images"] = None
@@ -255,45 +257,11 @@ def _add_images(
     return tuple(image.jpeg for image in chosen)
 
 
-def _add_charts(
-    replay: Replay, clock: _Times, arrays: dict[str, NDArray[Any]]
-) -> tuple[list[dict[str, Any]], dict[str, list[float]]]:
-    """Add the statistics of the steps; return how they are drawn, and the marks for the time line."""
-    written = replay.run.get("steps")
-    columns = written if isinstance(written, dict) else {}
-    steps = {name: _column(values) for name, values in columns.items() if isinstance(values, list)}
-    if not len(steps.get("stamp_ns", ())) or steps["stamp_ns"].dtype.kind != "i":
-        return [], {}
-    times = clock.of(steps["stamp_ns"])
-    charts, marks = [], {}
-    for number, one in enumerate(series(steps)):
-        names = {"time": "step_time", "values": f"step_{number}"}
-        arrays["step_time"], arrays[names["values"]] = times, _flat(one.values)
-        if one.marks is not None and one.marks.any():
-            names["marks"] = f"step_{number}_marks"
-            arrays[names["marks"]] = times[one.marks]
-        charts.append({
-            "title": one.title, "unit": one.unit, "caption": one.caption, "from_zero": one.from_zero, **names,
-        })  # fmt: skip
-    for kind, name, value in (("resampling", "resampled", 1), ("lost", "tracked", 0)):
-        column = steps.get(name)
-        if column is not None and column.shape == times.shape:
-            marks[kind] = times[column == value].round(3).tolist()
-    return charts, marks
-
-
-def _column(values: list[Any]) -> NDArray[Any]:
-    """Return a column of the record as an array: int64 where all are whole numbers, else float64, NaN where there is none."""
-    if all(type(value) is int for value in values):
-        return np.array(values, dtype=np.int64)
-    return np.array([float(v) if isinstance(v, (int, float)) else np.nan for v in values], dtype=np.float64)
-
-
 def _bounds(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> list[float]:
     """Return left, low, right and high of everything that is shown: what is known of the map, the ways and the points."""
     points = [arrays["pose"][:, :2], *(arrays[name] for name in ("truth",) if name in arrays)]
     if "cloud" in arrays and len(arrays["cloud"]):
-        points.append(np.percentile(arrays["cloud"], (1, 99), axis=0))
+        points.append(np.percentile(arrays["cloud"], (5, 95), axis=0))
     if facts["map"] is not None:
         rows, columns = (np.flatnonzero((arrays["cells"] >= 0).any(axis=axis)) for axis in (1, 0))
         if len(rows):

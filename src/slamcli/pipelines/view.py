@@ -9,30 +9,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slamcli.errors import UsageError
 from slamcli.formats.clouds import read_cloud
-from slamcli.formats.maps import read_map
 from slamcli.formats.octomap import read_octomap
 from slamcli.formats.trajectories import read_trajectory
-from slamcli.grids import OccupancyGrid
 from slamcli.outputs import atomic_file
-from slamcli.pipelines.replay_inputs import read_run
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.pipelines.view_alignment import Alignment, laid_over
+from slamcli.pipelines.view_content import read_content, read_truth, trajectory_facts
 from slamcli.pipelines.view_source import OCTREES, default_output, find_kind
 from slamcli.reports.figures import map_png, raster, track
 from slamcli.reports.figures.cloud import cloud_view
 from slamcli.runtime import RunLog
-from slamcli.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from slamcli.posegraph import MapState
     from slamcli.recordings.mends import Mends
 
 RECORDINGS = (".mcap", ".bag", "")
 """As what results are written besides pictures; without a suffix a ROS 2 folder."""
+FILMS = (".gif", ".mp4")
+PAPER = (".pdf", ".svg")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +63,8 @@ class ViewOptions:
     """What is mended while a recording is read."""
     recording: Sequence[Path] = ()
     """What a result was made of; empty: looked for by its record."""
+    width_cm: float | None = None
+    """Of a figure for a paper; None for 8.8."""
 
 
 def view(
@@ -76,9 +75,11 @@ def view(
     Parameters
     ----------
     sources
-        One result folder, map.yaml, point cloud, saved state or database of RTAB-Map, one or more trajectory files, or the files of one recording.
+        One result folder (several for a .pdf or .svg), map.yaml, point cloud, saved state or database of RTAB-Map, one or more
+        trajectory files, or the files of one recording.
     output
-        The PNG, or an .mcap for a result. None for `slamcli.pipelines.view_source.default_output`.
+        The PNG; of results, maps and trajectories also a figure for papers (.pdf, .svg), a film (.gif, .mp4) or a recording (.mcap,
+        .bag, a folder). None for `slamcli.pipelines.view_source.default_output`.
     options
         How to draw.
     log
@@ -90,15 +91,25 @@ def view(
         If a source is missing or is none of these, or the output cannot be written.
     """
     options, log = options or ViewOptions(), log if log is not None else RunLog()
-    kind = find_kind(sources)
+    kind = find_kind(sources, several=output is not None and output.suffix.lower() in PAPER)
     output = output or default_output(sources[0], kind)
     suffix = output.suffix.lower()
-    if suffix in RECORDINGS and kind not in ("recording", "cloud"):
-        return Viewed(kind=kind, output=output, facts=_write_recording(sources, kind, output, options, log))
+    if kind not in ("recording", "cloud") and suffix in (*RECORDINGS, *FILMS, *PAPER):
+        check_options(suffix, options)
+        if suffix in PAPER:
+            from slamcli.pipelines.view_paper import write_paper
+
+            return Viewed(kind=kind, output=output, facts=write_paper(sources, kind, output, options, log))
+        from slamcli.pipelines.view_playing import write_film, write_recording
+
+        write = write_recording if suffix in RECORDINGS else write_film
+        return Viewed(kind=kind, output=output, facts=write(sources, kind, output, options, log))
     if suffix != ".png":
-        raise UsageError(f"{output}: pictures are written as .png, results also as .mcap or .bag")
-    if options.recording:
-        raise UsageError("--recording is for what plays: --serve, --export, and -o FILE.mcap or .bag of a result")
+        raise UsageError(
+            f"{output}: pictures are written as .png; results, maps and trajectories also as .pdf and .svg, as films (.gif, .mp4) "
+            "and as recordings (.mcap, .bag)"
+        )
+    check_options(suffix, options)
     if kind == "recording":
         from slamcli.pipelines.view_recording import draw_recording
 
@@ -114,90 +125,25 @@ def view(
     return Viewed(kind=kind, output=output, facts=facts)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Content:
-    """What lies in a result, a map or a trajectory file."""
+def check_options(suffix: str, options: ViewOptions) -> None:
+    """Refuse options that are about another kind of output than `suffix` names.
 
-    grid: OccupancyGrid | None
-    trajectory: Trajectory | None
-    truth: tuple[str, Trajectory] | None
-    """Name and trajectory."""
-    facts: dict[str, Any]
-
-
-def _read(source: Path, kind: str, options: ViewOptions, log: RunLog) -> _Content:
-    yaml = {"result": source / "map.yaml", "map": source}.get(kind)
-    path = {"result": source / "trajectory.tum", "trajectory": source}.get(kind)
-    grid = trajectory = None
-    facts = _run_facts(source / "run.json", log) if kind == "result" else {}
-    if yaml is not None and (kind == "map" or yaml.is_file()):
-        read = read_map(yaml)
-        grid, facts = read.grid, facts | map_facts(read.grid)
-        for warning in read.warnings:
-            log.warn(warning)
-    if path is not None and (kind == "trajectory" or path.is_file()):
-        trajectory = read_trajectory(path, log=log)
-        facts |= trajectory_facts(trajectory)
-    if kind == "state":
-        from slamcli.formats.pbstream.reading import read_state  # brings numba, which other pictures do not need
-        from slamcli.pipelines.config import load_native
-        from slamcli.pipelines.saved_state import result_of
-
-        state, parameters = read_state(source, log=log), load_native("cartographer").parameters
-        drawn = result_of(state, "cartographer", parameters, map_frame="map", base_frame="base_link", log=log)
-        grid, trajectory = drawn.grid, drawn.trajectory
-        facts |= dict(drawn.summary) | ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
-    if kind == "database":
-        from slamcli.pipelines.view_database import read_database_map
-
-        grid, trajectory = read_database_map(source, log)
-        facts |= ({} if grid is None else map_facts(grid)) | trajectory_facts(trajectory)
-    if grid is None and trajectory is None:
-        raise UsageError(f"{source}: neither map.yaml nor trajectory.tum lies in this result")
-    truth = read_truth(options, trajectory, log)
-    return _Content(grid=grid, trajectory=trajectory, truth=truth, facts=facts)
-
-
-def read_truth(options: ViewOptions, base: Trajectory | None, log: RunLog) -> tuple[str, Trajectory] | None:
-    """Return name and trajectory of the ground truth that was asked for, laid over `base`."""
-    if options.truth is None:
-        return None
-    truth = load_trajectory(options.truth, log=log)
-    return laid_over(base, "ground truth", truth, options.align, log) if base is not None else ("ground truth", truth)
-
-
-def _write_recording(
-    sources: Sequence[Path], kind: str, output: Path, options: ViewOptions, log: RunLog
-) -> dict[str, Any]:
-    from slamcli.reports.mcap import write_replay, write_result
-
-    if len(sources) > 1:
-        raise UsageError(f"{output}: a recording holds one result or trajectory; {len(sources)} were given")
-    content = _read(sources[0], kind, options, log)
-    if kind == "result" and content.trajectory is not None:
-        from slamcli.pipelines.replay import load_replay
-
-        replay = load_replay(sources[0], recording=options.recording, truth=options.truth, mends=options.mends, log=log)
-        messages = write_replay(output, replay)
-        return content.facts | {"growth": replay.growth, "messages": messages}
-    truth = content.truth[1] if content.truth is not None else None
-    messages = write_result(
-        output, grid=content.grid, trajectory=content.trajectory, truth=truth, state=_state(sources[0], kind, log)
-    )
-    return content.facts | {"messages": messages}
-
-
-def _state(source: Path, kind: str, log: RunLog) -> MapState | None:
-    if kind != "state":
-        return None
-    from slamcli.formats.pbstream.reading import read_state
-
-    return read_state(source, log=log)
+    Raises
+    ------
+    UsageError
+        With the option.
+    """
+    if options.recording and suffix not in (*RECORDINGS, *FILMS):
+        raise UsageError(
+            "--recording is for what plays: --serve, --export, and -o FILE.mcap, .bag, .gif or .mp4 of a result"
+        )
+    if options.width_cm is not None and suffix not in PAPER:
+        raise UsageError("--width-cm is for figures: -o FILE.pdf or .svg; --max-pixels sizes pictures")
 
 
 def _draw_map(source: Path, kind: str, options: ViewOptions, log: RunLog) -> tuple[bytes, dict[str, Any]]:
     """Draw a map, or a result: its map with its trajectory, or the trajectory alone where there is no map."""
-    content = _read(source, kind, options, log)
+    content = read_content(source, kind, options, log)
     title = source.resolve().name if options.title is None else options.title
     if content.grid is None and content.trajectory is not None:
         image = track.track_image(content.trajectory, truth=content.truth, title=title, max_pixels=options.max_pixels)
@@ -251,33 +197,3 @@ def _draw_cloud(source: Path, options: ViewOptions, log: RunLog) -> tuple[bytes,
     image = cloud_view(points, (0, 1), trajectory=truth, max_pixels=options.max_pixels)
     low, high = points.min(axis=0), points.max(axis=0)
     return raster.png(image), {"points": len(points), "low_m": low.tolist(), "high_m": high.tolist()}
-
-
-def map_facts(grid: OccupancyGrid) -> dict[str, Any]:
-    """Return size and areas of a map."""
-    area = grid.resolution_m**2
-    return {
-        "width_cells": grid.width,
-        "height_cells": grid.height,
-        "resolution_m": grid.resolution_m,
-        "origin": list(grid.origin),
-        "known_area_m2": float(np.count_nonzero(grid.cells >= 0) * area),
-        "occupied_area_m2": float(np.count_nonzero(grid.cells >= 65) * area),
-    }
-
-
-def trajectory_facts(trajectory: Trajectory) -> dict[str, Any]:
-    """Return size, length and duration of a trajectory."""
-    stamps: NDArray[np.int64] = trajectory.stamps_ns
-    timed = trajectory.timed and len(trajectory) > 0
-    return {
-        "poses": len(trajectory),
-        "length_m": trajectory.length_m,
-        "duration_s": float(stamps.max() - stamps.min()) / 1e9 if timed else None,
-    }
-
-
-def _run_facts(path: Path, log: RunLog) -> dict[str, Any]:
-    """Return what of a run's record belongs beside its picture."""
-    run = read_run(path, log)
-    return {key: run[key] for key in ("algo", "seed", "timing", "summary") if key in run}

@@ -40,7 +40,7 @@ class RecordedMap:
 
     def facts(self) -> dict[str, Any]:
         """Return its figures."""
-        from slamcli.pipelines.view import map_facts
+        from slamcli.pipelines.view_content import map_facts
 
         return {"topic": self.topic, "stamp_ns": self.stamped.stamp_ns, **map_facts(self.stamped.grid)}
 

@@ -19,8 +19,8 @@ _CLOUDS = (".ply", ".pcd")
 OCTREES = (".bt", ".ot")
 
 
-def find_kind(sources: Sequence[Path]) -> str:
-    """Return what the sources are: result, map, cloud, state, database, trajectory or recording.
+def find_kind(sources: Sequence[Path], *, several: bool = False) -> str:
+    """Return what the sources are: result, map, cloud, state, database, trajectory or recording; `several` results may be.
 
     Raises
     ------
@@ -32,8 +32,11 @@ def find_kind(sources: Sequence[Path]) -> str:
     kinds = [_kind(source) for source in sources]
     if len(set(kinds)) > 1:
         raise UsageError(f"{sources[0]} is a {kinds[0]} and {sources[1]} a {kinds[1]}: draw them one by one")
+    if several and kinds[0] == "result":
+        return kinds[0]
     if len(kinds) > 1 and kinds[0] in ("result", "map", "cloud", "state", "database"):
-        raise UsageError(f"one {kinds[0]} at a time; {len(kinds)} were given")
+        together = "; -o FILE.pdf or .svg draws several results over each other" if kinds[0] == "result" else ""
+        raise UsageError(f"one {kinds[0]} at a time; {len(kinds)} were given{together}")
     return kinds[0]
 
 

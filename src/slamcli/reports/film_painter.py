@@ -25,14 +25,14 @@ from slamcli.reports.snapshot import CostPatch, Snapshot
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-_GREYS = 16
+GREYS = 16
 """Indices 0 to 15: white to black."""
-_UNKNOWN = 16
+UNKNOWN = 16
 _COSTS = 20
 _COST_STEPS = 12
 """Indices 20 to 31: how a costmap tints free cells; 32 is lethal."""
 _LETHAL = 32
-_PEN = {
+PEN = {
     "trail": 40, "plan": 41, "local plan": 42, "scan": 43, "particles": 44, "person": 45, "person's way": 46, "robot": 47,
     "rim": 48, "estimate": 49, "goal": 50, "nose": 51,
 }  # fmt: skip
@@ -52,8 +52,8 @@ _ARROW_M = 0.45
 def palette() -> NDArray[np.uint8]:
     """Return the colours uint8 (256, 3) of indices."""
     table = np.zeros((256, 3), dtype=np.uint8)
-    table[:_GREYS] = np.linspace(255, 24, _GREYS).round()[:, None]
-    table[_UNKNOWN] = UNKNOWN_COLOUR
+    table[:GREYS] = np.linspace(255, 24, GREYS).round()[:, None]
+    table[UNKNOWN] = UNKNOWN_COLOUR
     near, far = np.array([236, 178, 222.0]), np.array([250, 244, 250.0])
     share = np.linspace(0, 1, _COST_STEPS)[:, None]
     table[_COSTS : _COSTS + _COST_STEPS] = (far + (near - far) * share).round()
@@ -63,7 +63,7 @@ def palette() -> NDArray[np.uint8]:
         ("particles", (70, 150, 110)), ("person", scales.ORANGE), ("person's way", (120, 80, 0)), ("robot", (64, 72, 84)),
         ("rim", (20, 22, 26)), ("estimate", scales.SKY), ("goal", scales.VERMILION), ("nose", (255, 255, 255)),
     ):  # fmt: skip
-        table[_PEN[name]] = colour
+        table[PEN[name]] = colour
     return table
 
 
@@ -124,12 +124,9 @@ class FilmPainter:
         if number != self._number:
             view = self._view
             if 0 <= number < len(self._grids):
-                colours = paint_cells(self._grids[number], view)
-                darkness = (255 - colours[..., 0].astype(np.int64)) * (_GREYS - 1) / (255 - 24)
-                self._ground = darkness.round().astype(np.uint8)
-                self._ground[(colours == UNKNOWN_COLOUR).all(axis=2)] = _UNKNOWN
+                self._ground = map_indices(paint_cells(self._grids[number], view))
             else:
-                self._ground = np.full((view.height_px, view.width_px), _UNKNOWN, dtype=np.uint8)
+                self._ground = np.full((view.height_px, view.width_px), UNKNOWN, dtype=np.uint8)
             self._number = number
         return self._ground
 
@@ -153,7 +150,7 @@ class FilmPainter:
         tint = _tints()[patch.costs[np.where(inside, row, 0), np.where(inside, column, 0)]]
         tinted = ground.copy()
         part = tinted[y0:y1, x0:x1]
-        shown = inside & (tint > 0) & ((part < 3) | (part == _UNKNOWN))
+        shown = inside & (tint > 0) & ((part < 3) | (part == UNKNOWN))
         part[shown] = tint[shown]
         return tinted
 
@@ -165,18 +162,18 @@ class FilmPainter:
             for dy in range(size):
                 x, y = at[:, 0] + dx, at[:, 1] + dy
                 inside = (x >= 0) & (y >= _HEADER_PX) & (x < frame.shape[1]) & (y < frame.shape[0] - _FOOTER_PX)
-                frame[y[inside], x[inside]] = _PEN[pen]
+                frame[y[inside], x[inside]] = PEN[pen]
 
     def _line(self, draw: Any, at: Array, pen: str, width: int) -> None:
         if len(at) > 1:
-            draw.line([tuple(point) for point in at.tolist()], fill=_PEN[pen], width=width)
+            draw.line([tuple(point) for point in at.tolist()], fill=PEN[pen], width=width)
 
     def _people(self, draw: Any, people: Array) -> None:
         for x, y, radius, vx, vy in people.tolist():
             centre = self._pixels(np.array([[x, y], [x + vx, y + vy]]))
             reach = max(radius / self._view.metres_per_px, 2.0)
             (cx, cy), _ = centre.tolist()
-            draw.ellipse([cx - reach, cy - reach, cx + reach, cy + reach], fill=_PEN["person"], outline=_PEN["rim"])
+            draw.ellipse([cx - reach, cy - reach, cx + reach, cy + reach], fill=PEN["person"], outline=PEN["rim"])
             self._line(draw, centre, "person's way", 2)
 
     def _goal(self, draw: Any, goal: Array | None) -> None:
@@ -185,14 +182,14 @@ class FilmPainter:
             at = self._pixels(np.array([goal[:2], tip]))
             self._line(draw, at, "goal", 2)
             (x, y), _ = at.tolist()
-            draw.ellipse([x - 5, y - 5, x + 5, y + 5], outline=_PEN["goal"], width=2)
+            draw.ellipse([x - 5, y - 5, x + 5, y + 5], outline=PEN["goal"], width=2)
 
     def _robot(self, draw: Any, snapshot: Snapshot) -> None:
         if snapshot.estimate is not None:
             outline = self._pixels(se2.transform_points(snapshot.estimate, self._footprint))
             self._line(draw, np.concatenate([outline, outline[:1]]), "estimate", 2)
         body = self._pixels(se2.transform_points(snapshot.pose, self._footprint))
-        draw.polygon([tuple(point) for point in body.tolist()], fill=_PEN["robot"], outline=_PEN["rim"])
+        draw.polygon([tuple(point) for point in body.tolist()], fill=PEN["robot"], outline=PEN["rim"])
         ahead = np.array([[0.0, 0.0], [float(self._footprint[:, 0].max()), 0.0]])
         self._line(draw, self._pixels(se2.transform_points(snapshot.pose, ahead)), "nose", 2)
 
@@ -201,14 +198,22 @@ class FilmPainter:
         frame[:_HEADER_PX] = 0
         frame[_HEADER_PX - 1] = 3
         words = f"{snapshot.time_s:.1f} s"
-        _write(frame, 8, words)
-        _write(frame, 80, snapshot.state)
+        write_words(frame, 8, words)
+        write_words(frame, 80, snapshot.state)
         speed = f"{float(np.hypot(snapshot.speed[0], snapshot.speed[1])):.2f} m/s"
-        _write(frame, frame.shape[1] - 8 - raster.text_width(speed, _TEXT_PX), speed)
+        write_words(frame, frame.shape[1] - 8 - raster.text_width(speed, _TEXT_PX), speed)
 
     def _pixels(self, points_m: Array) -> Array:
         """Return where points are for Pillow, whose whole numbers are the centres of pixels."""
         return self._view.pixels(points_m) + np.array([-0.5, _HEADER_PX - 0.5])
+
+
+def map_indices(colours: Pixels) -> Pixels:
+    """Return the indices uint8 (H, W) of a map's pixels uint8 (H, W, 3), as `paint_cells` paints them."""
+    darkness = (255 - colours[..., 0].astype(np.int64)) * (GREYS - 1) / (255 - 24)
+    indices = darkness.round().astype(np.uint8)
+    indices[(colours == UNKNOWN_COLOUR).all(axis=2)] = UNKNOWN
+    return indices
 
 
 def _footer(width: int) -> Pixels:
@@ -219,16 +224,16 @@ def _footer(width: int) -> Pixels:
     for pen, words in _KEY:
         if left + 22 + raster.text_width(words, _KEY_PX) > width:
             break
-        strip[_FOOTER_PX // 2 - 2 : _FOOTER_PX // 2 + 3, left : left + 14] = _PEN[pen]
-        _write(strip, left + 18, words, _KEY_PX, _FOOTER_PX)
+        strip[_FOOTER_PX // 2 - 2 : _FOOTER_PX // 2 + 3, left : left + 14] = PEN[pen]
+        write_words(strip, left + 18, words, _KEY_PX, _FOOTER_PX)
         left += 34 + raster.text_width(words, _KEY_PX)
     return strip
 
 
-def _write(frame: Pixels, left: int, words: str, size_px: int = _TEXT_PX, height_px: int = _HEADER_PX) -> None:
+def write_words(frame: Pixels, left: int, words: str, size_px: int = _TEXT_PX, height_px: int = _HEADER_PX) -> None:
     """Write a line of text in shades of grey into the top `height_px` rows, as far as it goes."""
     mask = raster.text_mask(words, size_px)
-    shades = np.round(mask * (_GREYS - 1)).astype(np.uint8)
+    shades = np.round(mask * (GREYS - 1)).astype(np.uint8)
     left = max(left, 0)
     top = max((height_px - shades.shape[0]) // 2, 0)
     part = shades[: height_px - 1 - top, : max(frame.shape[1] - left, 0)]

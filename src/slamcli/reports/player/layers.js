@@ -4,7 +4,8 @@
 // The colours of time are those of map.png, those of residuals those of report.html.
 const TIME = [[41, 5, 147], [114, 1, 168], [164, 35, 148], [202, 71, 120], [229, 107, 93], [249, 149, 65]];
 const TIME_DARK = [[104, 110, 250], [152, 90, 245], [196, 80, 200], [222, 90, 140], [240, 120, 95], [250, 165, 75]];
-const RESIDUALS = [[0.05, "#56b4e9", "to 5 cm"], [0.1, "#0072b2", "to 10 cm"], [0.25, "#e69f00", "to 25 cm"], [Infinity, "#d55e00", "above"]];
+const RESIDUALS = [["#56b4e9", "to 5 cm, 0.5°"], ["#0072b2", "to 10 cm, 1°"], ["#e69f00", "to 25 cm, 2.5°"], ["#d55e00", "above"]];
+const UNMEASURED = 9;
 const HEIGHT = [[48, 60, 160], [40, 130, 190], [60, 175, 130], [170, 195, 60], [235, 140, 50], [200, 60, 50]];
 
 function mixed(colours, share) {
@@ -55,7 +56,7 @@ class CloudLayer {
       this.canvas.height = camera.canvas.height;
       const own = this.canvas.getContext("2d"), { points, heights } = this;
       own.scale(camera.dots, camera.dots);
-      const size = Math.max(1, Math.min(4, 0.02 * camera.scale));
+      const size = Math.max(heights.length < 30000 ? 2 : 1, Math.min(4, 0.02 * camera.scale));
       let height = -1;
       for (let i = 0; i < heights.length; i++) {
         if (heights[i] !== height) own.fillStyle = mixed(HEIGHT, (height = heights[i]) / 255);
@@ -207,10 +208,7 @@ class EdgeLayer {
     this.times = Float64Array.from(chosen, (i) => arrays.edge_time[i]);
     this.ends = Int32Array.from(chosen.flatMap((i) => [arrays.edge[2 * i], arrays.edge[2 * i + 1]]));
     this.points = arrays.node;
-    this.classes = Uint8Array.from(chosen, (i) => {
-      const residual = arrays.edge_residual[i];
-      return Number.isNaN(residual) ? 9 : RESIDUALS.findIndex(([limit]) => residual <= limit);
-    });
+    this.classes = Uint8Array.from(chosen, (i) => arrays.edge_class[i]);
     this.loops = kind === 1;
   }
 
@@ -236,8 +234,8 @@ class EdgeLayer {
     pen.lineWidth = 1.2;
     const alpha = Math.min(0.85, Math.max(0.2, 9 / Math.sqrt(count + 1))); // thousands must not hide the map
     pen.globalAlpha = alpha;
-    for (const found of [...RESIDUALS.keys(), 9]) {
-      pen.strokeStyle = found === 9 ? look.closure : RESIDUALS[found][1];
+    for (const found of [...RESIDUALS.keys(), UNMEASURED]) {
+      pen.strokeStyle = found === UNMEASURED ? look.closure : RESIDUALS[found][0];
       this.stroke(pen, camera, 0, count, found);
     }
     // What was closed a moment ago stands out.

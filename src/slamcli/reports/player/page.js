@@ -25,13 +25,15 @@ function makeSwitches(player) {
     $("layers").append(label);
   });
   const coloured = (colour, words) => {
-    const bar = document.createElement("span");
+    const item = document.createElement("span"), bar = document.createElement("span");
+    item.className = "item";
     bar.className = "swatch";
     bar.style.background = colour;
-    return [bar, `${words}  `];
+    item.append(bar, words);
+    return [item, " "];
   };
   const parts = [];
-  if (player.layers.some(({ name }) => name === "Loop edges")) parts.push("Loop edges by residual: ", ...RESIDUALS.flatMap(([, colour, words]) => coloured(colour, words)));
+  if (player.layers.some(({ name }) => name === "Loop edges")) parts.push("Loop edges by residual: ", ...RESIDUALS.flatMap(([colour, words]) => coloured(colour, words)));
   const marks = Object.keys(player.facts.marks).filter((kind) => player.facts.marks[kind].length);
   if (marks.length) parts.push(parts.length ? document.createElement("br") : "", "Marks on the time line: ", ...marks.flatMap((kind) => coloured(player.look[kind], MARKS[kind])));
   $("legend").replaceChildren(...parts);
