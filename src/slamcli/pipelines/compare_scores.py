@@ -59,6 +59,8 @@ _MAP = (
     "map.overlap",
 )
 _RPE_S = 1.0
+MOST_MAPS = 6
+"""Of more results than these maps are not compared pair by pair."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,9 +224,11 @@ def _moved(grid: OccupancyGrid, T: Similarity) -> OccupancyGrid:
 def agreement(laid: Mapping[str, Laid], trajectories: Mapping[str, Trajectory]) -> dict[str, Any]:
     """Return what results say of each other, pair by pair: ``ate`` and ``map``, by the two names.
 
-    Maps are laid on each other from where the trajectories put them, and then adjusted; the figure is their F score.
+    Maps are laid on each other from where the trajectories put them, and then adjusted; the figure is their F score. Among more
+    than `MOST_MAPS` results they are not: pairs grow with the square, and each takes seconds.
     """
     names = list(trajectories)
+    with_maps = len(names) <= MOST_MAPS
     pairs: dict[str, Any] = {}
     for i, first in enumerate(names):
         for second in names[i + 1 :]:
@@ -236,7 +240,7 @@ def agreement(laid: Mapping[str, Laid], trajectories: Mapping[str, Trajectory]) 
             except (SlamcliError, KeyError):
                 pass
             grids = laid[first].grid, laid[second].grid
-            if grids[0] is not None and grids[1] is not None:
+            if with_maps and grids[0] is not None and grids[1] is not None:
                 try:
                     score = score_map(grids[1], grids[0], registration="refine", names=(second, first), log=RunLog())
                     entry["map"] = score.errors.f_score
