@@ -125,7 +125,15 @@ def test_the_folder_of_a_fleet_stands_for_its_results():
     touch("maps/a/trajectory.tum", "maps/b/trajectory.tum", "maps/summary.csv", "maps/jobs/a.json", "maps/c/map.yaml")
     assert is_many("maps", TRAJECTORIES)
     assert not is_many("maps/a", TRAJECTORIES)
+    touch("tum/rgb/1.png", "tum/groundtruth.txt", "tum/accelerometer.txt")
+    assert not is_many("tum", TRAJECTORIES)
     assert texts("maps", kind=TRAJECTORIES) == ["maps/a/trajectory.tum", "maps/b/trajectory.tum"]
+
+
+def test_a_topic_of_each_of_many_recordings():
+    touch("runs/a.mcap", "runs/b.mcap")
+    assert texts("runs/*.mcap:/odom", kind=TRAJECTORIES) == ["runs/a.mcap:/odom", "runs/b.mcap:/odom"]
+    assert names("runs/*.mcap:odom>base_link", kind=TRAJECTORIES) == ["a", "b"]
 
 
 def test_suffixes_go_and_other_dots_stay():
