@@ -3,6 +3,9 @@
 
 A page links to `../configs/mapping.rviz` as it stands in the source, so that the link works there (and wherever the source is
 shown). The site has no source beside it: such files are copied into `site/files/`, and the links lead there.
+
+The index of the search is written as a script, too: pages that are opened from the disk may not read files, but may load scripts
+(`docs/assets/search-from-files.js` does the rest).
 """
 
 from __future__ import annotations
@@ -39,6 +42,12 @@ def on_page_markdown(markdown: str, page: Any, files: Any, **_: Any) -> str:
         return f"]({posixpath.relpath(uri, posixpath.dirname(page.file.src_uri) or '.')})"
 
     return _OUTSIDE.sub(turned, markdown)
+
+
+def on_post_build(config: Any, **_: Any) -> None:
+    """Write the index of the search as a script."""
+    search = Path(config.site_dir) / "search"
+    (search / "search_index.js").write_text(f"var __index = {(search / 'search_index.json').read_text()}")
 
 
 def _uri(page: str, link: str) -> str | None:

@@ -96,7 +96,8 @@ def test_the_summary_in_all_its_forms(maps):
     assert rows[2]["message"] == bad["message"]
     assert "| bad | failed |" in (here / "maps/summary.md").read_text()
     page = (here / "maps/report.html").read_text()
-    assert '<a href="a/report.html">a</a>' in page
+    assert 'href="a/report.html">a</a>' in page
+    assert "<li>bad: bags/bad.mcap: not a recording" in page
     assert "2 of 3 done, 1 failed" in page
 
 

@@ -9,14 +9,16 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from pathlib import Path
 
 import pytest
 from held_runs import hold, holding, until
 
 from slamcli.errors import UsageError
+from slamcli.pipelines import jobs as jobs_module
 from slamcli.pipelines.job_process import size_text
-from slamcli.pipelines.jobs import Job, run_job, run_jobs
+from slamcli.pipelines.jobs import Job, JobOutcome, run_job, run_jobs
 from slamcli.pipelines.process_tree import end_tree, tree, tree_memory_bytes
 
 
@@ -161,6 +163,23 @@ def test_fresh_runs_all_and_workers_run_together(tmp_path, small_map):
     assert most == 2
     assert [one.reused for one in run_jobs(jobs, records=tmp_path / "jobs")] == [True, True]
     assert [one.reused for one in run_jobs(jobs[:1], records=tmp_path / "jobs", fresh=True)] == [False]
+
+
+def test_a_thousand_jobs_take_no_memory_here(tmp_path, monkeypatch):
+    def run(job, **_):
+        return JobOutcome(
+            name=job.name, exit_code=0, message="", stdout="x" * 50_000, wall_s=0.0, cpu_s=0.0, peak_memory_bytes=0
+        )
+
+    monkeypatch.setattr(jobs_module, "run_job", run)
+    many = [job(tmp_path, f"x{i}", tmp_path / "none") for i in range(1000)]
+    tracemalloc.start()
+    outcomes = run_jobs(many, workers=2, records=tmp_path / "jobs", keep_stdout=False)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(outcomes) == 1000
+    assert peak < 8e6  # what they printed is 50 MB
+    assert len(list((tmp_path / "jobs").iterdir())) == 1000
 
 
 def test_sizes_are_written_as_a_person_does():

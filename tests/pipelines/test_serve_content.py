@@ -142,6 +142,17 @@ def test_what_is_seen_from_the_side_without_a_map(replay):
     assert np.all(np.diff(content.arrays["cloud_height"].astype(int)) >= 0)
 
 
+@pytest.mark.parametrize(
+    ("quat_xyzw", "front"),
+    [((0.0, 0.0, 0.0, 1.0), 0.0), ((-0.5, 0.5, -0.5, 0.5), 0.0), ((0.5, 0.5, 0.5, 0.5), 0.0), ((-0.7071068, 0.0, 0.0, 0.7071068), np.pi / 2)],
+    ids=["a robot along x", "a camera that looks along x", "the same upside down", "a camera that looks along y"],
+)  # fmt: skip
+def test_where_robots_and_cameras_point_to(replay, quat_xyzw, front):
+    trajectory = dataclasses.replace(replay.trajectory, quats_xyzw=np.tile(quat_xyzw, (small.STEPS, 1)))
+    pose = player_content(dataclasses.replace(replay, trajectory=trajectory)).arrays["pose"]
+    np.testing.assert_allclose(pose[:, 2], front, atol=1e-6)
+
+
 def test_submaps_in_the_order_in_which_they_were_begun(replay):
     stamps = small.stamps_ns()
     outlines = np.arange(16.0).reshape(2, 4, 2)

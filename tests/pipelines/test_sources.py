@@ -128,6 +128,12 @@ def test_the_folder_of_a_fleet_stands_for_its_results():
     assert texts("maps", kind=TRAJECTORIES) == ["maps/a/trajectory.tum", "maps/b/trajectory.tum"]
 
 
+def test_a_topic_of_each_of_many_recordings():
+    touch("runs/a.mcap", "runs/b.mcap")
+    assert texts("runs/*.mcap:/odom", kind=TRAJECTORIES) == ["runs/a.mcap:/odom", "runs/b.mcap:/odom"]
+    assert names("runs/*.mcap:odom>base_link", kind=TRAJECTORIES) == ["a", "b"]
+
+
 def test_suffixes_go_and_other_dots_stay():
     assert [stem_of(n) for n in ("a.clf.gz", "run-1.5.mcap", "x.db3.zstd", "2026.01.02", "a.truth.tum")] == [
         "a", "run-1.5", "x", "2026.01.02", "a.truth",

@@ -204,6 +204,7 @@ def test_a_baseline_that_cannot_run_stops_the_sweep_at_once(mapping, request_):
     with pytest.raises(UsageError, match="the baseline does not run: usage: no such topic"):
         swept(request_)
     assert len(mapping.ran) < 10
+    assert not request_.output.exists()
 
 
 def test_a_sweep_without_any_result_says_why(mapping, request_):

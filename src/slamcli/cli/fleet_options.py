@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import functools
+import shutil
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -147,11 +149,13 @@ def _run(
         except KeyboardInterrupt:
             progress.interrupted()
             return _INTERRUPTED
+        progress.clear()
         console.tell(log)
         if arguments.get("as_json"):
             print_json(outcome.document)
         else:
-            click.echo(fleet_text(outcome.document))
+            width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+            click.echo(fleet_text(outcome.document, width))
         progress.ended(outcome.output)
     codes = {row["exit_code"] for row in outcome.document["runs"]}
     return 2 if codes == {2} else int(outcome.failed > 0)

@@ -38,7 +38,7 @@ class FleetProgress:
         ended = self._done + self._missed + self._failed
         if not outcome.done:
             how = "missed a threshold" if outcome.missed else "failed"
-            self._clear()
+            self.clear()
             self._console.warn(f"[{ended}/{self._total}] {outcome.name} {how}: {reason(outcome)}")
         elif not self._shows:
             how = "was done before" if outcome.reused else f"done in {outcome.wall_s:.1f} s"
@@ -47,13 +47,13 @@ class FleetProgress:
 
     def interrupted(self) -> None:
         """Say where it stopped."""
-        self._clear()
+        self.clear()
         ended = self._done + self._missed + self._failed
         self._console.warn(f"interrupted: {ended} of {self._total} ended; the same command goes on from there")
 
     def ended(self, output: Path) -> None:
         """Say what came of it."""
-        self._clear()
+        self.clear()
         parts = [f"{self._done} of {self._total} done"]
         parts += [f"{self._reused} of them before"] if self._reused else []
         parts += [f"{self._missed} missed a threshold"] if self._missed else []
@@ -70,7 +70,8 @@ class FleetProgress:
             line += f"  {_time_text((time.monotonic() - self._began) / ran * left)} to go"
         click.echo(f"\r\x1b[K{line}", nl=False, err=True)
 
-    def _clear(self) -> None:
+    def clear(self) -> None:
+        """Remove the line."""
         if self._shows:
             click.echo("\r\x1b[K", nl=False, err=True)
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from slamcli.pipelines.sensor_request import SensorRequest
     from slamcli.recordings import Mends
 
+_INTERRUPTED = 130
 _OF_MAP = (
     "scan_topics", "points_topics", "odom_topic", "imu_topic", "fix_topic", "landmark_topic", "rgb_topic", "depth_topic",
     "left_topic", "right_topic", "camera_info_topic", "camera_files", "mode", "vocabulary", "base_frame", "odom_frame", "map_frame",
@@ -126,8 +127,8 @@ def command(
             document = write_sweep(sweep, log)
         except KeyboardInterrupt:
             progress.clear()
-            console.say(f"{progress.done} runs are done and kept: the same command goes on with the others")
-            raise
+            console.warn(f"interrupted: {progress.done} runs are done and kept; the same command goes on from there")
+            return _INTERRUPTED
         finally:
             progress.clear()
             console.tell(log)

@@ -20,6 +20,7 @@ from slamcli.pipelines.jobs import Job, JobOutcome, run_jobs
 from slamcli.pipelines.process_tree import can_be_measured, physical_memory_bytes
 from slamcli.pipelines.remote_files import Remote, local_name
 from slamcli.pipelines.sources import FILE_SCHEME, Source, is_url, path_of_url
+from slamcli.pipelines.trajectories import parse_source
 from slamcli.runtime import RunLog
 
 _LEAST_MEMORY_BYTES = 100_000_000
@@ -133,7 +134,9 @@ def job_of(source: Source, request: FleetRequest) -> Job:
     after = [placed(filled(word, source)) for word in request.after]
     arguments = (request.command, *words, "--output", str(output), "--", text, *after)
     values = (word.partition("=")[2] if word.startswith("--") else word for word in (*words, *after))
-    read = [Path(text)] * (not source.is_remote) + [path for value in values if (path := Path(value or "-")).exists()]
+    read = [parse_source(text).path] * (not source.is_remote) + [
+        path for value in values if (path := Path(value or "-")).exists()
+    ]
     return Job(
         name=source.name, arguments=arguments, output=output, inputs=tuple(read), remote=tuple(remote),
         keeps_remote=request.keep_inputs,

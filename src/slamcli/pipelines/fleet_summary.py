@@ -17,7 +17,7 @@ from slamcli.pipelines.job_process import JobOutcome
 from slamcli.pipelines.remote_files import plain_url
 from slamcli.pipelines.run_record import run_document, to_json
 from slamcli.pipelines.schemas import stamped
-from slamcli.pipelines.sources import Source
+from slamcli.pipelines.sources import Source, is_url
 from slamcli.reports.fleet_report import fleet_markdown, fleet_page
 from slamcli.reports.junit import JunitCase, junit_xml
 from slamcli.runtime import RunLog
@@ -38,7 +38,7 @@ def summarise(
     rows = [_row(source, outcome, output) for source, outcome in zip(sources, outcomes, strict=True)]
     counts = {state: sum(row["state"] == state for row in rows) for state in _STATES}
     document = {
-        "slamcli": __version__, "command": command, "options": list(words), "counts": {"inputs": len(rows), **counts},
+        "slamcli": __version__, "command": command, "options": [_shown(word) for word in words], "counts": {"inputs": len(rows), **counts},
         "runs": rows, "warnings": list(log.warnings),
     }  # fmt: skip
     return stamped("summary", document)
@@ -106,6 +106,12 @@ def _row(source: Source, outcome: JobOutcome, output: Path) -> dict[str, Any]:
         },
         "peak_memory_bytes": outcome.peak_memory_bytes,
     }
+
+
+def _shown(word: str) -> str:
+    """Return a word of a command line without what an address hides."""
+    flag, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
+    return f"{flag}{equals}{plain_url(value) if is_url(value) else value}"
 
 
 def reason(outcome: JobOutcome) -> str:

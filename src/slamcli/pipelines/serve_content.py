@@ -101,9 +101,10 @@ def _poses(
     trajectory: Trajectory, clock: PlayerClock, axes: Sequence[int], shift: NDArray[np.float64]
 ) -> dict[str, NDArray[Any]]:
     """Return times (N,) and poses (N, 3): two coordinates, and where the front points to in their plane."""
-    # Seen from above robots drive along their x axis; cameras, which are seen from their side, look along z.
-    ahead = np.array([1.0, 0.0, 0.0]) if list(axes) == [0, 1] else np.array([0.0, 0.0, 1.0])
-    front = quaternion.to_matrix(trajectory.quats_xyzw) @ ahead
+    rotations = quaternion.to_matrix(trajectory.quats_xyzw)
+    # A robot's z axis, or a camera's y axis, stands upright on the plane; the one drives along x, the other looks along z.
+    upright = np.median(np.abs(rotations[:, 3 - sum(axes), :]), axis=0)
+    front = rotations[:, :, 2 if upright[1] > upright[2] else 0]
     yaw = np.arctan2(front[:, axes[1]], front[:, axes[0]])
     poses = np.column_stack([trajectory.positions_m[:, axes] - shift, yaw])
     return {"time": clock.of(trajectory.stamps_ns), "pose": _flat(poses)}
@@ -260,7 +261,7 @@ def _bounds(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> lis
     """Return left, low, right and high of everything that is shown: what is known of the map, the ways and the points."""
     points = [arrays["pose"][:, :2], *(arrays[name] for name in ("truth",) if name in arrays)]
     if "cloud" in arrays and len(arrays["cloud"]):
-        points.append(np.percentile(arrays["cloud"], (1, 99), axis=0))
+        points.append(np.percentile(arrays["cloud"], (5, 95), axis=0))
     if facts["map"] is not None:
         rows, columns = (np.flatnonzero((arrays["cells"] >= 0).any(axis=axis)) for axis in (1, 0))
         if len(rows):

@@ -153,12 +153,18 @@ def _of_list(path: Path, kind: Kind) -> Iterator[Source]:
 
 
 def _of_pattern(text: str, kind: Kind) -> Iterator[Source]:
-    paths = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - a pattern may begin anywhere
-    if "." not in Path(text).name.removeprefix("."):  # `runs/*` takes what fits, `runs/*.mcap` what it says
+    pattern, part = text, ""
+    paths = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207 - a pattern may begin anywhere
+    if not paths and kind is TRAJECTORIES and ":" in text:  # a topic in each of many recordings
+        pattern, colon, rest = text.partition(":")
+        part = colon + rest
+        paths = sorted(glob.glob(pattern, recursive=True))  # noqa: PTH207
+    elif "." not in Path(text).name.removeprefix("."):  # `runs/*` takes what fits, `runs/*.mcap` what it says
         paths = [str(found) for path in paths if (found := kind.find(Path(path))) is not None]
     if not paths:
         raise UsageError(f"{text}: no {kind.noun} matches this pattern")
-    yield from (_source(path, _distinct_part(text, path)) for path in paths)
+    for path in paths:
+        yield replace(_source(path, _distinct_part(pattern, path)), text=path + part)
 
 
 def _distinct_part(pattern: str, path: str) -> str:

@@ -151,10 +151,16 @@ def _run_all(
         told(result, len(found), len(runs))
         folders.take(result)
 
+    is_new = not request.output.exists()
     with log.stage("runs"):
         books.prepare(runs)
         jobs = [job_of(run, request, fixed) for run in runs]
-        _run_jobs(request, jobs, told=take)
+        try:
+            _run_jobs(request, jobs, told=take)
+        except UsageError:
+            if is_new and not found:  # nothing was done: nothing is left
+                shutil.rmtree(request.output, ignore_errors=True)
+            raise
     return [found[run.name] for run in runs]
 
 

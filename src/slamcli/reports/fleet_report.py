@@ -18,10 +18,22 @@ _OTHERS = {"missed": "missed a threshold", "failed": "failed"}
 _NAMES = {"path_length_m": "path, m", "poses": "poses", "realtime_factor": "× real time"}
 
 
-def fleet_text(document: Mapping[str, Any]) -> str:
-    """Return the table for a terminal."""
+def fleet_text(document: Mapping[str, Any], width: int | None = None) -> str:
+    """Return the table for a terminal; where it is narrower than the table, what says least is left out (it stands in the files)."""
     columns, rows, numeric = _table(document)
-    return table_text(columns, rows, numeric=numeric)
+    spare = ["message", "warnings", "× real time", "MB", *reversed(columns[3:-5]), "s"]
+    while width is not None and spare and _width(columns, rows) > width:
+        gone = columns.index(spare.pop(0))
+        columns, rows = columns[:gone] + columns[gone + 1 :], [row[:gone] + row[gone + 1 :] for row in rows]
+    return table_text(
+        columns, rows, numeric=[i for i in numeric if i < len(columns) and columns[i] != "message"], width=width
+    )
+
+
+def _width(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> int:
+    """Return how many characters the table is wide."""
+    cells = zip(columns, *([_plain(value) for value in row] for row in rows), strict=True)
+    return sum(max(map(len, column)) + 3 for column in cells)
 
 
 def fleet_markdown(document: Mapping[str, Any]) -> str:
@@ -47,9 +59,14 @@ def fleet_page(document: Mapping[str, Any]) -> str:
             f"<pre>{escape(' '.join(document['options']))}</pre>" if document["options"] else "",
             page.cards(facts),
             page.bullets(document["warnings"], "warnings"),
-            page.section("Runs", _linked_table(columns, rows, numeric, links)),
+            page.section("What went wrong", page.bullets(_troubles(document), "warnings", most=1000)),
+            page.section("Runs", _linked_table(columns[:-1], [row[:-1] for row in rows], numeric, links)),
         ],
     )
+
+
+def _troubles(document: Mapping[str, Any]) -> list[str]:
+    return [f"{run['name']}: {run['message']}" for run in document["runs"] if run["message"]]
 
 
 def _counts(document: Mapping[str, Any]) -> str:
@@ -98,7 +115,7 @@ def _linked_table(
     for row, link in zip(rows, links, strict=True):
         cells = [escape(_plain(value)) for value in row]
         if link is not None:
-            cells[0] = f'<a href="{escape(quote(link))}">{cells[0]}</a>'
+            cells[0] = f'<a style="color:var(--c0)" href="{escape(quote(link))}">{cells[0]}</a>'
         body.append("".join(f"<td{kind}>{cell}</td>" for kind, cell in zip(kinds, cells, strict=True)))
     lines = "".join(f"<tr>{cells}</tr>\n" for cells in body)
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table></div>'

@@ -56,7 +56,7 @@ class CloudLayer {
       this.canvas.height = camera.canvas.height;
       const own = this.canvas.getContext("2d"), { points, heights } = this;
       own.scale(camera.dots, camera.dots);
-      const size = Math.max(1, Math.min(4, 0.02 * camera.scale));
+      const size = Math.max(heights.length < 30000 ? 2 : 1, Math.min(4, 0.02 * camera.scale));
       let height = -1;
       for (let i = 0; i < heights.length; i++) {
         if (heights[i] !== height) own.fillStyle = mixed(HEIGHT, (height = heights[i]) / 255);

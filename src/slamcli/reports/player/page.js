@@ -25,10 +25,12 @@ function makeSwitches(player) {
     $("layers").append(label);
   });
   const coloured = (colour, words) => {
-    const bar = document.createElement("span");
+    const item = document.createElement("span"), bar = document.createElement("span");
+    item.className = "item";
     bar.className = "swatch";
     bar.style.background = colour;
-    return [bar, `${words}  `];
+    item.append(bar, words);
+    return [item, " "];
   };
   const parts = [];
   if (player.layers.some(({ name }) => name === "Loop edges")) parts.push("Loop edges by residual: ", ...RESIDUALS.flatMap(([colour, words]) => coloured(colour, words)));
