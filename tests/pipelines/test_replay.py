@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -186,3 +187,22 @@ def test_a_map_that_no_pose_can_see_does_not_grow(place, tmp_path):
     replay = load_replay(folder)
     assert (replay.growth, replay.first_seen) == ("none", None)
     assert isinstance(replay.map_at(0), OccupancyGrid)
+
+
+def test_a_map_grows_by_depth_images_where_there_are_no_scans(tmp_path):
+    recording = Path(__file__).resolve().parents[2] / "sample_data/desk_rgbd.mcap"
+    folder = small.write_images_result(tmp_path / "desk", {})
+    run = json.loads((folder / "run.json").read_text())
+    run["topics"]["depth"] = "/camera/aligned_depth_to_color/image_raw/compressedDepth"
+    (folder / "run.json").write_text(json.dumps(run), encoding="utf-8")
+    small.write_map(folder / "map.yaml", OccupancyGrid(np.zeros((200, 200), np.int8), 0.05, (-5.0, -5.0, 0.0)))
+    replay = load_replay(folder, recording=[recording])
+    assert replay.growth == "scans"
+    # The camera looks along its z axis, tilted: what is ahead of it is seen at once, what is beside it later or by its neighbour.
+    ahead = replay.images[0].T_base_camera[:2, 2]
+    at = replay.grid.map_to_cell([0.6 * ahead / np.hypot(*ahead)])[0]
+    assert replay.first_seen[tuple(at)] == 0
+    assert 20 < replay.first_seen.max() <= 30
+    run["topics"]["depth"] = "/nowhere"
+    (folder / "run.json").write_text(json.dumps(run), encoding="utf-8")
+    assert load_replay(folder, recording=[recording]).growth == "visibility"

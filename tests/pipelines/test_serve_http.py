@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import gzip
 import http.client
+import json
 import os
 import signal
 import socket
@@ -17,6 +18,7 @@ import pytest
 
 from slamcli.cli.main import run
 from slamcli.errors import DataError
+from slamcli.pipelines.schemas import first_deviation, schema_of
 from slamcli.pipelines.serve_http import PlayerServer, Resource, Site
 
 TEXT = b"hello, " * 200
@@ -162,8 +164,23 @@ def test_wrong_options_are_one_line_and_exit_code_2(result, capsys, tmp_path):
 
 def test_export_prints_its_name(result, capsys, tmp_path):
     assert run(["view", str(result), "--export", str(tmp_path / "a.html"), "--json"]) == 0
-    assert '"size_bytes"' in capsys.readouterr().out
+    document = json.loads(capsys.readouterr().out)
+    assert (next(iter(document)), document["schema"], document["kind"]) == ("schema", "slamcli.view.1", "player")
+    assert first_deviation(document, schema_of(document)) is None
+    assert document["size_bytes"] == (tmp_path / "a.html").stat().st_size
     assert (tmp_path / "a.html").stat().st_size > 10_000
+
+
+def test_a_script_gets_the_address_as_json(result):
+    with start(str(result), "--serve", "--json") as process:
+        lines = iter(process.stdout.readline, "}\n")
+        document = json.loads("".join(lines) + "}")
+        assert next(iter(document)) == "schema"
+        assert first_deviation(document, schema_of(document)) is None
+        assert document["url"].startswith("http://127.0.0.1:")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    assert process.returncode == 0
 
 
 def test_an_address_that_others_reach_is_warned_of(result):

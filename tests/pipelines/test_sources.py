@@ -125,6 +125,8 @@ def test_the_folder_of_a_fleet_stands_for_its_results():
     touch("maps/a/trajectory.tum", "maps/b/trajectory.tum", "maps/summary.csv", "maps/jobs/a.json", "maps/c/map.yaml")
     assert is_many("maps", TRAJECTORIES)
     assert not is_many("maps/a", TRAJECTORIES)
+    touch("tum/rgb/1.png", "tum/groundtruth.txt", "tum/accelerometer.txt")
+    assert not is_many("tum", TRAJECTORIES)
     assert texts("maps", kind=TRAJECTORIES) == ["maps/a/trajectory.tum", "maps/b/trajectory.tum"]
 
 

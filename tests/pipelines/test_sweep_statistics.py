@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from slamcli.errors import UsageError
-from slamcli.pipelines.sweep_objective import find_figure, find_objective
+from slamcli.pipelines.sweep_objective import DEFAULTS, WITHOUT_TRUTH, find_figure, find_objective
 from slamcli.pipelines.sweep_statistics import Spread, compare, mean_ranks
 
 NAN = math.nan
@@ -97,6 +98,12 @@ def test_ranks_share_ties_and_put_failures_last():
 )
 def test_the_direction_of_a_figure(key, asked, maximise):
     assert find_objective(key, asked).maximise is maximise
+
+
+def test_the_docs_name_what_is_ranked_by():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "sweep.md").read_text()
+    for key in (*DEFAULTS.values(), WITHOUT_TRUTH):
+        assert f"`{key}`, {find_objective(key, None).direction} first" in page
 
 
 def test_a_direction_that_is_known_cannot_be_turned_round():

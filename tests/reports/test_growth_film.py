@@ -15,6 +15,7 @@ from PIL import Image
 from slamcli.cli.main import run
 from slamcli.pipelines.replay import load_replay
 from slamcli.pipelines.replay_tracks import GraphTrack
+from slamcli.pipelines.view_paper import labels
 from slamcli.reports.figures.map import UNKNOWN_COLOUR
 from slamcli.reports.film_painter import PEN, palette
 from slamcli.reports.growth_film import frame_poses, write_growth_film
@@ -66,11 +67,11 @@ def test_the_map_grows_and_ends_whole(replay, tmp_path):
 
 def test_everything_is_in_it_when_it_is_there(replay, tmp_path):
     write_growth_film(tmp_path / "run.gif", replay, title="a room")
-    inks = {name: palette()[PEN[name]] for name in ("scan", "particles", "robot", "plan", "local plan")}
+    inks = {name: palette()[PEN[name]] for name in ("scan", "estimate", "robot", "plan", "local plan")}
     body = [frame[30:-30] for frame in colours(tmp_path / "run.gif")]
     there = {name: [bool((frame == ink).all(axis=2).any()) for frame in body] for name, ink in inks.items()}
     assert all(there["scan"])
-    assert all(there["particles"])
+    assert all(there["estimate"])
     assert all(there["robot"])
     assert there["plan"][1:] == [True] * (small.STEPS - 1)
     assert there["local plan"] == [i == 15 for i in range(small.STEPS)]
@@ -123,4 +124,11 @@ def test_several_results_make_one_figure(replay, tmp_path, capsys):
     output = tmp_path / "both.svg"
     assert run(["view", str(result), str(result), "-o", str(output), "--width-cm", "12", "--json"]) == 0
     assert '"others"' in capsys.readouterr().out
-    assert output.read_text().count("<!-- result -->") >= 1
+    assert output.read_text().count("/result -->") >= 1
+
+
+def test_labels_tell_sources_apart(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name / "result").mkdir(parents=True)
+    sources = [tmp_path / "a/result", tmp_path / "b/result", tmp_path / "c.tum"]
+    assert labels(sources) == ["a/result", "b/result", "c"]

@@ -84,7 +84,7 @@ def serve_page(
     try:
         with open_player(source, host=host, port=port, log=log, **inputs) as server:
             if as_json:
-                print_json({"kind": "player", "url": server.url, "notes": log.notes, "warnings": log.warnings})
+                print_json({"url": server.url, "notes": log.notes, "warnings": log.warnings}, "view-serve")
             else:
                 click.echo(server.url)
             sys.stdout.flush()
@@ -109,7 +109,7 @@ def export_page(
     console.tell(log)
     if as_json:
         document = {"kind": "player", "output": str(target), "size_bytes": size}
-        print_json({**document, "notes": log.notes, "warnings": log.warnings})
+        print_json({**document, "notes": log.notes, "warnings": log.warnings}, "view")
     else:
         click.echo(str(target))
     if open_it and not show(target.resolve().as_uri()):

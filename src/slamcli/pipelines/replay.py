@@ -18,6 +18,7 @@ from slamcli.formats.maps import read_map
 from slamcli.formats.trajectories import read_trajectory
 from slamcli.grids import OccupancyGrid
 from slamcli.measurements import PointCloud
+from slamcli.pipelines.replay_depth import follow_depth
 from slamcli.pipelines.replay_frames import follow_frames
 from slamcli.pipelines.replay_graph import graph_of_state, load_graph
 from slamcli.pipelines.replay_images import find_images
@@ -56,7 +57,7 @@ class Replay:
     """int32 (H, W): the pose at which a cell of `grid` became known, -1 where it never did; the map after pose i is `grid` where
     this is between 0 and i, and unknown elsewhere."""
     growth: Growth = "none"
-    """What `first_seen` is from: the recording's ``scans`` (and clouds), laid at the final poses; the ``visibility`` of the
+    """What `first_seen` is from: the recording's ``scans`` (clouds, depth images), laid at the final poses; the ``visibility`` of the
     finished map from the poses, 8 m around, where there is no recording; or ``none``."""
     scans: ScanTrack | None = None
     particles: ParticleTrack | None = None
@@ -197,6 +198,8 @@ def _grown(
     if files:
         try:
             scans, seen = follow_ranges(files, run, trajectory, grid, mends, log)
+            if seen is None and grid is not None:
+                seen = follow_depth(files, run, trajectory, grid, mends, log)
         except SlamcliError as error:
             if named:
                 raise

@@ -82,13 +82,13 @@ def _chosen(
     wanted = np.unique(trajectory.stamps_ns if graph is None else graph.stamps_ns)
     wanted = wanted[:: max(1, math.ceil(len(wanted) / _MOST_IMAGES))]
     order = np.argsort(times[:, 0], kind="stable")
-    at = np.unique(order[_nearest(times[order, 0], wanted)]) if len(times) else np.zeros(0, dtype=np.int64)
+    at = np.unique(order[nearest(times[order, 0], wanted)]) if len(times) else np.zeros(0, dtype=np.int64)
     rows = times[at][np.argsort(times[at, 0], kind="stable")]
     by_time = np.argsort(trajectory.stamps_ns, kind="stable")
-    poses = by_time[_nearest(trajectory.stamps_ns[by_time], rows[:, 0])] if len(rows) else at
+    poses = by_time[nearest(trajectory.stamps_ns[by_time], rows[:, 0])] if len(rows) else at
     first = first_image(recording, topic)
     frame = "" if first is None else first.frame_id
-    T_base_camera = _mount(recording, trajectory.child_frame_id, frame)
+    T_base_camera = mount_of(recording, trajectory.child_frame_id, frame)
     camera = find_model(recording, topic.name)
     return tuple(
         ReplayImage(
@@ -100,7 +100,7 @@ def _chosen(
     )  # fmt: skip
 
 
-def _nearest(stamps_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+def nearest(stamps_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return for each wanted stamp the place of the nearest of sorted ones, the earlier of two."""
     after = np.clip(np.searchsorted(stamps_ns, wanted_ns), 0, len(stamps_ns) - 1)
     before = np.maximum(after - 1, 0)
@@ -108,7 +108,7 @@ def _nearest(stamps_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -> NDAr
     return np.where(nearer, before, after).astype(np.int64)
 
 
-def _mount(recording: Recording, base: str, camera: str) -> NDArray[np.float64]:
+def mount_of(recording: Recording, base: str, camera: str) -> NDArray[np.float64]:
     """Return where the camera sits, float64 (4, 4); at the base itself where no transform tells."""
     tree = recording.frames()
     if base == camera or not camera or base not in tree.frames or camera not in tree.frames:

@@ -251,7 +251,9 @@ def _are_splits(stems: Sequence[str]) -> bool:
 
 def _as_trajectory(path: Path) -> Path | None:
     if path.is_dir():
-        return path / _OF_RESULT if (path / _OF_RESULT).is_file() else None
+        if (path / _OF_RESULT).is_file():
+            return path / _OF_RESULT
+        return path if is_recording(path) else None  # its own true trajectory
     if not path.name.lower().endswith((".tum", ".txt")):  # a table may be anything; a pattern takes those of poses too
         return None
     try:

@@ -34,10 +34,9 @@ def write_paper(sources: Sequence[Path], kind: str, output: Path, options: ViewO
     contents = [read_content(source, kind, options, log) for source in sources]
     first, base = contents[0], contents[0].trajectory
     lines: list[tuple[str, Trajectory]] = []
-    for source, content in zip(sources, contents, strict=True):
+    for label, content in zip(labels(sources), contents, strict=True):
         if content.trajectory is None:
             continue
-        label = source.resolve().name if kind == "result" else source.stem
         if base is None or content is first:
             lines.append((label, content.trajectory))
         else:
@@ -58,3 +57,12 @@ def write_paper(sources: Sequence[Path], kind: str, output: Path, options: ViewO
         if c.trajectory
     ]
     return first.facts | ({"others": others} if others else {})
+
+
+def labels(sources: Sequence[Path]) -> list[str]:
+    """Return what each source is called beside the others: its name without suffix, or with its folder where names repeat."""
+    names = [source.resolve().name if source.is_dir() else source.stem for source in sources]
+    return [
+        f"{source.resolve().parent.name}/{name}" if names.count(name) > 1 else name
+        for source, name in zip(sources, names, strict=True)
+    ]

@@ -31,7 +31,7 @@ _MOST_PARTICLES = 300
 _ARROW_PX = 11.0
 _NEW_SHARE = 0.02
 """For which share of the film a loop is shown."""
-_KEY = (("plan", "way"), ("trail", "truth"), ("scan", "scan"), ("particles", "particles"), ("local plan", "new loops"))
+_KEY = (("plan", "way"), ("trail", "truth"), ("scan", "scan"), ("estimate", "particles"), ("local plan", "new loops"))
 
 
 def write_growth_film(target: Path, replay: Replay, *, title: str | None = None) -> dict[str, Any]:
@@ -102,7 +102,7 @@ class _GrowthPainter:
         frame[_HEADER_PX:-_FOOTER_PX] = UNKNOWN
         below = np.where(self._seen <= i, self._ground, np.uint8(UNKNOWN))
         frame[_HEADER_PX:-_FOOTER_PX, : below.shape[1]] = below
-        self._dots(frame, self._particles(time), "particles", 2)
+        self._dots(frame, self._particles(time), "estimate", 2)
         self._dots(frame, self._scan(i), "scan", 2)
         picture = Image.fromarray(frame)
         draw = ImageDraw.Draw(picture)
@@ -197,8 +197,13 @@ def _seen_pixels(replay: Replay, view: plane.View, known: NDArray[np.bool_]) -> 
 def _pens(replay: Replay) -> set[str]:
     """Return the pens that the replay needs."""
     there = {"plan": True, "trail": replay.truth is not None, "scan": replay.scans is not None}
-    there |= {"particles": replay.particles is not None, "local plan": replay.graph is not None}
+    there |= {"estimate": replay.particles is not None, "local plan": _has_loops(replay)}
     return {pen for pen, is_there in there.items() if is_there}
+
+
+def _has_loops(replay: Replay) -> bool:
+    graph = replay.graph
+    return graph is not None and bool((graph.kinds == GraphTrack.KINDS.index("loop")).any())
 
 
 def _footer(width: int, pens: set[str]) -> Pixels:
