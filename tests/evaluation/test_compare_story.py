@@ -81,6 +81,7 @@ def test_double_walls_are_told_with_their_place() -> None:
         "the map has double walls around (30.2, 2.0): 0.21 m apart against 0.01 m in half of the map"
     )
     assert 30.0 <= found.at_s <= 33.0
+    assert found.at_m == pytest.approx((30.2, 2.0))
     offsets[300:330] = 0.09
     assert story.double_walls(sharp(offsets, places), 0.6, 0.01, BEGIN) == []
 
@@ -89,6 +90,14 @@ def test_a_map_that_is_double_everywhere_does_not_hide_behind_itself() -> None:
     offsets, places = np.full(600, 0.35), np.zeros((600, 3))
     assert len(story.double_walls(sharp(offsets, places), 0.6, 0.35, BEGIN)) == 1
     assert story.double_walls(sharp(np.zeros(0), np.zeros((0, 3))), 0.6, 0.0, BEGIN) == []
+
+
+def test_who_stands_alone_is_told_from_when_on() -> None:
+    apart = np.where(np.arange(1000) < 300, 0.01, 0.25)
+    (found,) = story.alone(STAMPS, apart, 0.21, 0.02, BEGIN)
+    assert found.at_s == pytest.approx(30.0)
+    assert found.text.startswith("stands alone: 0.21 m from the nearest of the others, two of which are within 0.02 m")
+    assert story.alone(STAMPS, apart, 0.21, 0.08, BEGIN) == []
 
 
 def test_scans_off_the_map_are_told_for_how_long() -> None:

@@ -34,10 +34,12 @@ class Finding:
     """One thing that stands out."""
 
     kind: str
-    """``lost``, ``drift``, ``relations``, ``double walls`` or ``off the map``."""
+    """``lost``, ``drift``, ``relations``, ``alone``, ``double walls`` or ``off the map``."""
     at_s: float
     """When it began, seconds from the recording's start."""
     text: str
+    at_m: tuple[float, float] | None = None
+    """Where, in the result's own map."""
 
 
 def lost_spells(stamps_ns: NDArray[np.int64], known: NDArray[np.bool_], begin_ns: int) -> list[Finding]:
@@ -123,6 +125,27 @@ def missed_relations(
     ]
 
 
+def alone(
+    stamps_ns: NDArray[np.int64], apart_m: NDArray[np.float64], nearest_m: float, closest_m: float, begin_ns: int
+) -> list[Finding]:
+    """Return that a result is far from all others while two of those agree.
+
+    Parameters
+    ----------
+    stamps_ns, apart_m
+        int64 (N,) and float64 (N,): distance over time to the nearest of the others.
+    nearest_m, closest_m
+        Root mean square distances: to the nearest of the others, and between the two of all that are closest to each other.
+    """
+    limit = max(DRIFT_M, DRIFT_TIMES * closest_m)
+    far = np.flatnonzero(apart_m > limit)
+    if nearest_m <= limit or not len(far):
+        return []
+    at_s = _since(stamps_ns[far[0]], begin_ns)
+    text = f"stands alone: {nearest_m:.2f} m from the nearest of the others, two of which are within {closest_m:.2f} m; more than {limit:.2f} m from {at_s:.1f} s on"
+    return [Finding(kind="alone", at_s=at_s, text=text)]
+
+
 def double_walls(sharp: Sharpness, radius_m: float, best_m: float, begin_ns: int) -> list[Finding]:
     """Return the place where walls of different visits lie farthest apart, if that is far; `best_m` is the best result's median offset."""
     if not len(sharp.revisit_offset_m):
@@ -147,7 +170,7 @@ def double_walls(sharp: Sharpness, radius_m: float, best_m: float, begin_ns: int
     at_s = _since(int(np.quantile(sharp.revisit_stamps_ns[rows], 0.75)), begin_ns)
     return [
         Finding(
-            kind="double walls", at_s=at_s,
+            kind="double walls", at_m=(x, y), at_s=at_s,
             text=f"the map has double walls around ({x:.1f}, {y:.1f}): {worst[0]:.2f} m apart against {usual:.2f} m in half of the map, seen at {at_s:.1f} s",
         )
     ]  # fmt: skip

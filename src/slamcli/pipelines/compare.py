@@ -39,6 +39,7 @@ from slamcli.recordings import open_recording
 from slamcli.recordings.summary import summarise
 from slamcli.recordings.tier_fit import TierFit
 from slamcli.runtime import RunLog
+from slamcli.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,6 +204,8 @@ def _measured(compared: Sequence[Compared], material: _Material) -> tuple[list[R
             "path_length_m": trajectory.length_m,
         }  # fmt: skip
         findings = _findings(score, own, material, has_truth=truth is not None, best=best, found=found)
+        if truth is None and material.truth.relations is None:
+            findings += _alone(found.name, trajectories, pairs, material.begin_ns)
         rows.append(
             Row(
                 compared=found,
@@ -214,6 +217,22 @@ def _measured(compared: Sequence[Compared], material: _Material) -> tuple[list[R
             )
         )
     return rows, pairs
+
+
+def _alone(name: str, trajectories: Mapping[str, Trajectory], pairs: Mapping[str, Any], begin_ns: int) -> list[Finding]:
+    """Return that a result is far from all others, of which two agree."""
+    apart = {frozenset(pair.split(" ")): entry["ate"] for pair, entry in pairs.items() if "ate" in entry}
+    mine = {min(pair - {name}): ate for pair, ate in apart.items() if name in pair}
+    others = [ate for pair, ate in apart.items() if name not in pair]
+    if not mine or not others:
+        return []
+    nearest = min(mine, key=lambda other: (mine[other], other))
+    reference = trajectories[nearest]
+    stamps = common_stamps(reference, [trajectories[name]])
+    _, series = distance(trajectories[name], reference, stamps[has_pose(stamps, reference)])
+    if series is None:
+        return []
+    return compare_story.alone(series.stamps_ns, series.errors_m, mine[nearest], min(others), begin_ns)
 
 
 def _best(scores: Mapping[str, Scores], consistency: Mapping[str, Consistency]) -> dict[str, float]:

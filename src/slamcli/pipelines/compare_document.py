@@ -52,11 +52,11 @@ def ordered(figures: Mapping[str, float]) -> dict[str, float]:
 
 
 def ranks(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
-    """Return for each figure with a better side the rank of each result that has it: 1 is best, equal figures share one."""
+    """Return for each figure with a better side the rank of each result that has it: 1 is best, equal figures share one; none where all are equal."""
     found: dict[str, dict[str, int]] = {}
     for figure in ALL:
         values = {row.compared.name: row.figures[figure.key] for row in rows if figure.key in row.figures}
-        if figure.better == "neither" or len(values) < 2:
+        if figure.better == "neither" or len(set(values.values())) < 2:
             continue
         sign = 1.0 if figure.better == "lower" else -1.0
         found[figure.key] = {
@@ -85,7 +85,15 @@ def comparison_document(
                 "state": found.state,
                 "message": found.message,
                 "sentence": row.sentence,
-                "findings": [{"kind": f.kind, "at_s": round(f.at_s, 3), "text": f.text} for f in row.findings],
+                "findings": [
+                    {
+                        "kind": f.kind,
+                        "at_s": round(f.at_s, 3),
+                        "text": f.text,
+                        "at_m": None if f.at_m is None else list(f.at_m),
+                    }
+                    for f in row.findings
+                ],
                 "folder": found.name if found.entrant.result is None else str(found.entrant.result),
                 "set": list(found.entrant.sets),
                 "config": [str(path) for path in found.entrant.config_files],

@@ -45,7 +45,7 @@ def write_comparison(
         How long the comparison took so far, for the record of the run.
     """
     shown = [
-        Shown(name=row.compared.name, trajectory=row.laid.trajectory, grid=row.laid.grid, colour=_COLOURS[i % len(_COLOURS)])
+        Shown(name=row.compared.name, trajectory=row.laid.trajectory, grid=row.laid.grid, colour=_COLOURS[i % len(_COLOURS)], marks=tuple(row.laid.place(f.at_m) for f in row.findings if f.at_m is not None))
         for i, row in enumerate(rows) if row.laid is not None
     ]  # fmt: skip
     true_path = None

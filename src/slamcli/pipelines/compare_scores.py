@@ -59,6 +59,8 @@ _MAP = (
     "map.overlap",
 )
 _RPE_S = 1.0
+MOST_MAPS = 6
+"""Of more results than these maps are not compared pair by pair."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -190,8 +192,15 @@ class Laid:
 
     trajectory: Trajectory
     grid: OccupancyGrid | None
-    aligned: bool
-    """Whether it could be laid there."""
+    T_common_map: Similarity | None
+    """From its own frame; None where it could not be laid there."""
+
+    def place(self, at_m: tuple[float, float]) -> tuple[float, float]:
+        """Return a place of the result's own map in the common frame."""
+        if self.T_common_map is None:
+            return at_m
+        x, y, _ = self.T_common_map.transform_points([[*at_m, 0.0]])[0].tolist()
+        return x, y
 
 
 def lay_over(found: Trajectory, grid: OccupancyGrid | None, base: Trajectory) -> Laid:
@@ -202,8 +211,8 @@ def lay_over(found: Trajectory, grid: OccupancyGrid | None, base: Trajectory) ->
         own, other = interpolate(found, there), interpolate(base, there)
         T = alignment.yaw_and_position(own.positions_m, other.positions_m)
     except SlamcliError:
-        return Laid(trajectory=found, grid=grid, aligned=False)
-    return Laid(trajectory=transformed(found, T), grid=None if grid is None else _moved(grid, T), aligned=True)
+        return Laid(trajectory=found, grid=grid, T_common_map=None)
+    return Laid(trajectory=transformed(found, T), grid=None if grid is None else _moved(grid, T), T_common_map=T)
 
 
 def _moved(grid: OccupancyGrid, T: Similarity) -> OccupancyGrid:
@@ -215,9 +224,11 @@ def _moved(grid: OccupancyGrid, T: Similarity) -> OccupancyGrid:
 def agreement(laid: Mapping[str, Laid], trajectories: Mapping[str, Trajectory]) -> dict[str, Any]:
     """Return what results say of each other, pair by pair: ``ate`` and ``map``, by the two names.
 
-    Maps are laid on each other from where the trajectories put them, and then adjusted; the figure is their F score.
+    Maps are laid on each other from where the trajectories put them, and then adjusted; the figure is their F score. Among more
+    than `MOST_MAPS` results they are not: pairs grow with the square, and each takes seconds.
     """
     names = list(trajectories)
+    with_maps = len(names) <= MOST_MAPS
     pairs: dict[str, Any] = {}
     for i, first in enumerate(names):
         for second in names[i + 1 :]:
@@ -229,7 +240,7 @@ def agreement(laid: Mapping[str, Laid], trajectories: Mapping[str, Trajectory]) 
             except (SlamcliError, KeyError):
                 pass
             grids = laid[first].grid, laid[second].grid
-            if grids[0] is not None and grids[1] is not None:
+            if with_maps and grids[0] is not None and grids[1] is not None:
                 try:
                     score = score_map(grids[1], grids[0], registration="refine", names=(second, first), log=RunLog())
                     entry["map"] = score.errors.f_score

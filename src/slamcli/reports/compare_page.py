@@ -19,7 +19,7 @@ _GROUPS = (
     ("Cost and size", ("",)),
 )
 _CAPTIONS = {
-    "maps.png": "Each map in the same frame, at the same scale, with its own trajectory.",
+    "maps.png": "Each map in the same frame (that of the first), at the same scale, with its own trajectory; places with double walls are ringed.",
     "overlay.png": "Walls of all maps over each other: where they agree the colours darken.",
     "trajectories.png": "Trajectories in the same frame, turned and moved onto the truth or the first result.",
 }

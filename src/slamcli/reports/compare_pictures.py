@@ -24,6 +24,7 @@ _PANEL_PX, _WIDE_PX = 800, 1400
 _COLUMNS = 2
 _OCCUPIED = 65
 _GAP = 16
+_RING_PX = 22.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,6 +36,8 @@ class Shown:
     grid: OccupancyGrid | None
     colour: int
     """Index into `PALETTE`."""
+    marks: tuple[tuple[float, float], ...] = ()
+    """Places to ring, metres, shared frame."""
 
 
 def map_pictures(shown: Sequence[Shown], truth: Trajectory | None) -> bytes:
@@ -52,7 +55,10 @@ def map_pictures(shown: Sequence[Shown], truth: Trajectory | None) -> bytes:
         if truth is not None:
             raster.stroke(picture, view.pixels(truth.positions_m[:, :2]), scales.GREEN, 3.5 * thin, opacity=0.4)
         raster.stroke(picture, view.pixels(one.trajectory.positions_m[:, :2]), PALETTE[one.colour], thin)
+        for mark in view.pixels(np.array(one.marks).reshape(-1, 2)):
+            raster.circle(picture, mark, _RING_PX, scales.VERMILION, 2.0 * thin)
         legend: list[tuple[str, Colour | None]] = [(one.name, PALETTE[one.colour])]
+        legend += [("double walls", scales.VERMILION)] if one.marks else []
         legend += [("truth", scales.GREEN)] if truth is not None else []
         panels.append(plane.framed(picture, view, one.name, legend))
     return raster.png(_tiled(panels))

@@ -20,7 +20,7 @@ def figure_rows(document: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any
         values = [_value(entry, key) for entry in results]
         known = [value for value in values if value is not None]
         best: list[int] = []
-        if figure["better"] != "neither" and len(known) > 1:
+        if figure["better"] != "neither" and len(set(known)) > 1:
             top = min(known) if figure["better"] == "lower" else max(known)
             best = [i for i, value in enumerate(values) if value == top]
         rows.append((key, figure, values, best))
