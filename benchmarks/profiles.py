@@ -137,11 +137,12 @@ def main() -> None:
     parser.add_argument("recording", nargs="?")
     parser.add_argument("--algo", action="append", choices=list(SAMPLES))
     parser.add_argument("--top", type=int, default=12)
-    parser.add_argument("options", nargs="*", metavar="OPTION", help="of slamcli map, after --")
-    arguments = parser.parse_args()
+    words = sys.argv[1:]
+    end = words.index("--") if "--" in words else len(words)
+    arguments = parser.parse_args(words[:end])
     with tempfile.TemporaryDirectory(prefix="slamcli-profiles-") as folder:
         for algo in arguments.algo or SAMPLES:
-            given = [arguments.recording, *arguments.options] if arguments.recording else SAMPLES[algo]
+            given = [arguments.recording, *words[end + 1 :]] if arguments.recording else SAMPLES[algo]
             profile_tier(algo, given, Path(folder), arguments.top)
 
 
