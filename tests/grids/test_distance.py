@@ -66,3 +66,14 @@ def test_least_distance_is_to_the_edge_of_the_cell() -> None:
     assert least_distance(mask, squared, [[4.0, 0.0], [4.2, 6.9]]) == pytest.approx(0.6)
     assert least_distance(mask, squared, [[0.0, 7.0]]) == pytest.approx(np.hypot(3.5, 0.5))
     assert least_distance(np.zeros_like(mask), squared_distance(np.zeros_like(mask)), [[0, 0]]) == np.inf
+
+
+def test_least_distance_equals_the_naive_one() -> None:
+    random = np.random.default_rng(4)
+    for share in (0.002, 0.02, 0.3):
+        for _ in range(40):
+            mask = random.random(random.integers(3, 40, 2)) < share
+            mask[0, 0] = True
+            points = random.random((random.integers(1, 30), 2)) * mask.shape - 0.5
+            naive = min(np.hypot(*np.maximum(np.abs(np.argwhere(mask) - point) - 0.5, 0.0).T).min() for point in points)
+            assert least_distance(mask, squared_distance(mask), points) == pytest.approx(naive, abs=1e-12)

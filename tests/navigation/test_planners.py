@@ -253,6 +253,21 @@ def test_default_tolerance_ends_at_the_nearest_point_of_the_lattice() -> None:
         planner.plan((0.5, 1.0), (3.0, 1.0))
 
 
+@pytest.mark.parametrize("method", ["navfn", "dijkstra", "astar"])
+def test_a_free_goal_behind_a_wall_is_moved_as_when_the_regions_are_known(method: str) -> None:
+    cells = np.zeros((20, 40), dtype=np.int8)
+    cells[:, 20] = 100
+    costmap = compute_costmap(OccupancyGrid(cells, 0.1), CostmapParameters(robot_radius=0.0))
+    parameters = PlannerParameters(default_tolerance=0.3)
+    fresh, prepared = (GlobalPlanner(costmap, parameters, method) for _ in range(2))
+    prepared.prepare_for_many()
+    paths = [planner.plan((0.5, 1.0), (2.15, 1.05)) for planner in (fresh, prepared, fresh)]
+    np.testing.assert_allclose(paths[0].points_m[-1], [1.95, 1.05])
+    for path in paths[1:]:
+        np.testing.assert_array_equal(path.points_m, paths[0].points_m)
+        assert path.cost == paths[0].cost
+
+
 def test_unknown_space_only_where_no_other_way_exists() -> None:
     cells = np.zeros((21, 41), dtype=np.int8)
     cells[:, 20] = 100

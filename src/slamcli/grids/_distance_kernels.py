@@ -11,6 +11,9 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
+_TWICE_OFF = 1.4143
+"""Cells: a little more than the square root of two, twice half a diagonal."""
+
 
 @njit(cache=True)
 def column_pass(mask: Bools, far: int, out: Ints) -> None:
@@ -94,29 +97,36 @@ def nearest_true(mask: Bools, row: float, column: float, max_rings: int) -> tupl
 
 
 @njit(cache=True)
-def nearest_square(mask: Bools, row: float, column: float, max_rings: int) -> float:
-    """Return the distance in cells from a point to the nearest true cell's square; inf beyond `max_rings` cells."""
+def least_square_distance(mask: Bools, rows: Floats, columns: Floats, cells: Ints, near: Floats) -> float:
+    """Return the least distance in cells from points to a true cell's square.
+
+    mask : bool (H, W); rows, columns : float64 (N,) points; cells : int64 (N, 2) the cells in which they lie; near : float64
+    (N,), increasing, the distance from each of these cells' centres to the nearest true cell's.
+
+    Notes
+    -----
+    A point is up to 0.71 cells off its cell's centre, and so is a square's edge. So no point is nearer than `near` less
+    twice that, and what is nearer than the best so far has its centre within the best and twice that: only such rings are
+    looked at, from `near` on, as no true cell is nearer.
+    """
     height, width = mask.shape
-    r0, c0 = int(np.floor(row + 0.5)), int(np.floor(column + 0.5))
-    best = np.inf
-    for ring in range(max_rings + 1):
-        if ring > 1 and (ring - 1.0) * (ring - 1.0) > best:
-            break
-        for r in range(max(0, r0 - ring), min(height - 1, r0 + ring) + 1):
-            inner = abs(r - r0) < ring
-            step = max(1, 2 * ring) if inner else 1
-            for c in range(c0 - ring, c0 + ring + 1, step):
-                if 0 <= c < width and mask[r, c]:
-                    dr = max(0.0, abs(r - row) - 0.5)
-                    dc = max(0.0, abs(c - column) - 0.5)
-                    best = min(best, dr * dr + dc * dc)
-    return np.sqrt(best)
-
-
-@njit(cache=True)
-def nearest_square_of_many(mask: Bools, rows: Floats, columns: Floats, rings: Ints) -> float:
-    """Return the least `nearest_square` over points; `rings` bounds the search of each."""
     best = np.inf
     for i in range(len(rows)):
-        best = min(best, nearest_square(mask, rows[i], columns[i], rings[i]))
-    return best
+        if near[i] - _TWICE_OFF > np.sqrt(best):
+            break
+        r0, c0 = cells[i, 0], cells[i, 1]
+        least = near[i] - 1e-6
+        most = min(np.sqrt(best), near[i] + 0.5 * _TWICE_OFF) + _TWICE_OFF
+        reach = int(most)
+        for r in range(max(0, r0 - reach), min(height - 1, r0 + reach) + 1):
+            high = (r - r0) * (r - r0)
+            outer = int(np.sqrt(max(0.0, most * most - high)))
+            inner = int(np.ceil(np.sqrt(max(0.0, least * least - high)))) if least > 0.0 else 0
+            dr = max(0.0, abs(r - rows[i]) - 0.5)
+            for side in (-1, 1):
+                for across in range(inner, outer + 1):
+                    c = c0 + side * across
+                    if 0 <= c < width and mask[r, c]:
+                        dc = max(0.0, abs(c - columns[i]) - 0.5)
+                        best = min(best, dr * dr + dc * dc)
+    return np.sqrt(best)

@@ -74,10 +74,10 @@ def least_distance(mask: NDArray[np.bool_], squared: NDArray[np.int64], points_r
     cells = np.clip(np.rint(points).astype(np.int64), 0, np.array(mask.shape) - 1)
     near = np.sqrt(squared[cells[:, 0], cells[:, 1]].astype(np.float64))
     # A point is up to 0.71 cells off its cell's centre, and so is the obstacle's edge.
-    close = near <= near.min() + 3.0
-    rings = np.ceil(near[close] + 2.0).astype(np.int64)
+    close = np.flatnonzero(near <= near.min() + 3.0)
+    close = close[np.argsort(near[close], kind="stable")]
     rows, columns = np.ascontiguousarray(points[close, 0]), np.ascontiguousarray(points[close, 1])
-    return float(kernels.nearest_square_of_many(np.ascontiguousarray(mask), rows, columns, rings))
+    return float(kernels.least_square_distance(np.ascontiguousarray(mask), rows, columns, cells[close], near[close]))
 
 
 def warm() -> None:

@@ -49,6 +49,11 @@ class Endpoints:
         self._space = space
         self._grid = space.costmap.grid
 
+    def where_free(self, start: Sequence[float], goal: Sequence[float]) -> tuple[Endpoint, Endpoint] | None:
+        """Return both ends of a path if both cells are free, without a look at what joins them; None if one is not."""
+        source, target = self._locate(start), self._locate(goal)
+        return (source, target) if self._is_free(source.cell) and self._is_free(target.cell) else None
+
     def resolve(self, start: Sequence[float], goal: Sequence[float]) -> tuple[Endpoint, Endpoint]:
         """Return both ends of a path, the goal moved by up to `default_tolerance` where it cannot be reached itself.
 
@@ -78,6 +83,11 @@ class Endpoints:
         # Within its cell by more than a rounding error, so that lines from it start in that cell.
         inside = [min(max(v - k, _HAIR), 1.0 - _HAIR) + k - 0.5 for v, k in zip((row, column), cell, strict=True)]
         return Endpoint(cell, np.array(inside), (float(point[0]), float(point[1])))
+
+    def _is_free(self, cell: Cell) -> bool:
+        costs = self._space.costmap.costs
+        inside = 0 <= cell[0] < costs.shape[0] and 0 <= cell[1] < costs.shape[1]
+        return inside and not self._space.blocked[costs[cell]]
 
     def _region(self, cell: Cell) -> int:
         regions = self._space.regions

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +22,9 @@ from slamcli.navigation.planner_parameters import PlannerParameters
 from slamcli.navigation.search_space import SearchSpace, UnreachableError
 
 __all__ = ["METHODS", "GlobalPlanner", "Method", "NoPathError", "PlannedPath"]
+
+
+_REACH_ALL_THAT_HANGS_TOGETHER: tuple[Method, ...] = ("navfn", "dijkstra", "astar")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,14 +122,25 @@ class GlobalPlanner:
 
     def _plan(self, start: Sequence[float], goal: Sequence[float], *, allow_unknown: bool) -> PlannedPath:
         finder = self._finder(allow_unknown)
-        source, target = finder.endpoints.resolve(start, goal)
+        if self.method in _REACH_ALL_THAT_HANGS_TOGETHER and not finder.space.knows_regions:
+            # On a large map what hangs together takes as long to find as a path, and a path that is found tells.
+            ends = finder.endpoints.where_free(start, goal)
+            if ends is not None:
+                with contextlib.suppress(UnreachableError):
+                    return self._describe(self._route(finder, ends, start, goal), ends, start, goal)
+        ends = finder.endpoints.resolve(start, goal)
         try:
-            route = finder.router.find(self._route_end(source, start), self._route_end(target, goal))
+            route = self._route(finder, ends, start, goal)
         except UnreachableError as failure:
             # The cells hang together, so it is the robot's shape or turning radius that finds no way.
             message = f"no path from {_show(start)} to {_show(goal)}: {failure}"
             raise NoPathError(message, "unreachable", None, math.inf) from failure
-        return self._describe(route, (source, target), start, goal)
+        return self._describe(route, ends, start, goal)
+
+    def _route(
+        self, finder: _Finder, ends: tuple[Endpoint, Endpoint], start: Sequence[float], goal: Sequence[float]
+    ) -> Route:
+        return finder.router.find(self._route_end(ends[0], start), self._route_end(ends[1], goal))
 
     def _route_end(self, endpoint: Endpoint, pose: Sequence[float]) -> RouteEnd:
         yaw = float(pose[2]) - self.costmap.grid.origin[2] if len(pose) > 2 else None

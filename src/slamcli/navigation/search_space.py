@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,27 +60,33 @@ class SearchGrid:
         return np.column_stack([flat // self.stride - 1, flat % self.stride - 1])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SearchSpace(SearchGrid):
     """The search grid of a costmap that does not change, with the regions that hang together."""
 
     costmap: Costmap
-    regions: NDArray[np.int32]
-    """int32 (H, W): 0 on blocked cells, else a number that cells share if a path joins them."""
+
+    @cached_property
+    def regions(self) -> NDArray[np.int32]:
+        """int32 (H, W): 0 on blocked cells, else a number that cells share if a path joins them; found when first asked for."""
+        # A diagonal step needs both cells beside it, so what hangs together does so by its sides.
+        regions: NDArray[np.int32] = ndimage.label(~self.blocked[self.costmap.costs], output=np.int32)[0]
+        return regions
+
+    @property
+    def knows_regions(self) -> bool:
+        """Whether `regions` were asked for already."""
+        return "regions" in vars(self)
 
     @classmethod
     def build(cls, costmap: Costmap, parameters: PlannerParameters, *, allow_unknown: bool = True) -> SearchSpace:
         """Prepare a costmap for any number of searches."""
-        blocked = _blocked(allow_unknown=allow_unknown)
-        # A diagonal step needs both cells beside it, so what hangs together does so by its sides.
-        regions, _ = ndimage.label(~blocked[costmap.costs], output=np.int32)
         return cls(
             parameters=parameters,
             levels=np.pad(costmap.costs, 1, constant_values=LETHAL),
-            blocked=blocked,
+            blocked=_blocked(allow_unknown=allow_unknown),
             weight=_weight(parameters),
             costmap=costmap,
-            regions=regions,
         )
 
     def nearest_free(self, point_rc: tuple[float, float], region: int | None = None) -> Cell | None:
