@@ -26,6 +26,7 @@ from slamcli.pipelines.compare_scores import (
     Truth,
     agreement,
     common_stamps,
+    cut_to,
     distance,
     lay_over,
     load_truth,
@@ -95,6 +96,9 @@ def run_compare(
         material.points = _points(request, compared, log)
     if material.points is not None and len(material.points.seen.stamps_ns):
         material.begin_ns = material.begin_ns or int(material.points.seen.stamps_ns.min())
+    spans = [found.trajectory.stamps_ns for found in compared if found.trajectory is not None]
+    spans += [material.points.seen.stamps_ns] if material.points is not None else []
+    material.truth = cut_to(material.truth, spans)
     with log.stage("figures"):
         rows, pairs = _measured(compared, material)
     document = comparison_document(request, rows, pairs, material.truth.sources, material.inputs, log)
