@@ -64,6 +64,7 @@ class _Material:
     truth: Truth
     points: RecordedPoints | None = None
     begin_ns: int = 0
+    end_ns: int = 0
     fits: Mapping[str, TierFit] = field(default_factory=dict)
     inputs: Sequence[Mapping[str, Any]] = ()
 
@@ -95,7 +96,9 @@ def run_compare(
     with log.stage("points"):
         material.points = _points(request, compared, log)
     if material.points is not None and len(material.points.seen.stamps_ns):
-        material.begin_ns = material.begin_ns or int(material.points.seen.stamps_ns.min())
+        first_ns = int(material.points.seen.stamps_ns.min())
+        if not material.begin_ns <= first_ns <= material.end_ns:  # stamps of another clock than that of the log
+            material.begin_ns = first_ns
     spans = [found.trajectory.stamps_ns for found in compared if found.trajectory is not None]
     spans += [material.points.seen.stamps_ns] if material.points is not None else []
     material.truth = cut_to(material.truth, spans)
@@ -135,7 +138,7 @@ def _prepared(request: CompareRequest, log: RunLog) -> tuple[tuple[Entrant, ...]
             open_recording(list(request.inputs), mends=replace(request.mends, shared=True), log=RunLog()) as recording,
         ):
             material.fits = {fit.tier: fit for fit in summarise(recording).tiers}
-            material.begin_ns = recording.start_ns
+            material.begin_ns, material.end_ns = recording.start_ns, recording.end_ns
         material.inputs = describe_inputs(request.inputs)
     possible = [fit.tier for fit in material.fits.values() if fit.runs]
     entrants = entrants_of(request.wanted, possible)

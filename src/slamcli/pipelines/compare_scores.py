@@ -59,6 +59,8 @@ _MAP = (
     "map.overlap",
 )
 _RPE_S = 1.0
+_TILTED_TIMES, _TILTED_M = 2.0, 0.01
+"""Frames are tilted to each other where turning about z alone leaves paths so much farther apart than turning freely."""
 MOST_MAPS = 6
 """Of more results than these maps are not compared pair by pair."""
 
@@ -227,9 +229,19 @@ def lay_over(found: Trajectory, grid: OccupancyGrid | None, base: Trajectory) ->
         there = stamps[has_pose(stamps, found) & has_pose(stamps, base)]
         own, other = interpolate(found, there), interpolate(base, there)
         T = alignment.yaw_and_position(own.positions_m, other.positions_m)
+        if grid is None:  # nothing that has to stay level: a truth whose z is not up is laid there as a whole
+            whole = alignment.umeyama(own.positions_m, other.positions_m)
+            level_m, whole_m = (_off(t, own, other) for t in (T, whole))
+            T = whole if level_m > _TILTED_TIMES * whole_m + _TILTED_M else T
     except SlamcliError:
         return Laid(trajectory=found, grid=grid, T_common_map=None)
     return Laid(trajectory=transformed(found, T), grid=None if grid is None else _moved(grid, T), T_common_map=T)
+
+
+def _off(T: Similarity, own: Trajectory, other: Trajectory) -> float:
+    """Return the root mean square distance of two paths, one of them moved."""
+    apart = T.transform_points(own.positions_m) - other.positions_m
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
 
 
 def _moved(grid: OccupancyGrid, T: Similarity) -> OccupancyGrid:
