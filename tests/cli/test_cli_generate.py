@@ -18,7 +18,7 @@ def test_json_tells_everything(tmp_path, capsys):
                 "--truth", str(tmp_path / "t.tum"), "--map-out", str(tmp_path / "m.yaml")])  # fmt: skip
     document = json.loads(capsys.readouterr().out)
     assert code == 0
-    assert {"world", "path", "truth", "map", "record", "seed", "duration_s", "length_m", "messages", "slips_s", "settings",
+    assert {"schema", "world", "path", "truth", "map", "record", "seed", "duration_s", "length_m", "messages", "slips_s", "settings",
             "seconds", "speed_x_real_time"} == set(document)  # fmt: skip
     assert document["seed"] == 9
     assert document["messages"]["/imu"] == 201

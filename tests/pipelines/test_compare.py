@@ -16,7 +16,7 @@ from slamcli.formats.trajectories import read_tum, write_tum
 from slamcli.pipelines.compare import CompareOutcome, default_output, run_compare
 from slamcli.pipelines.compare_points import PointsRequest, read_points
 from slamcli.pipelines.compare_request import CompareRequest, Wanted, entrants_of
-from slamcli.pipelines.compare_scores import common_stamps
+from slamcli.pipelines.compare_scores import Truth, at_stamps, common_stamps, cut_to, distance
 from slamcli.pipelines.consistency import consistency_of, measure_consistency
 from slamcli.pipelines.schemas import SchemaName, first_deviation
 from slamcli.runtime import RunLog
@@ -275,6 +275,21 @@ def test_common_stamps_are_no_denser_than_the_sparsest() -> None:
     sparse = Trajectory.from_se2(np.arange(50, dtype=np.int64) * 100_000_000, np.zeros((50, 3)))
     assert np.diff(common_stamps(dense, [dense, sparse]))[0] == 90_000_000
     assert len(common_stamps(sparse, [dense])) == 50
+
+
+def test_a_truth_that_goes_on_costs_nothing() -> None:
+    """Of a part of a recording (--duration) the truth is of the whole: where the estimate has ended nothing is held against it."""
+    stamps = np.arange(200, dtype=np.int64) * 100_000_000
+    poses = np.column_stack([np.arange(200) * 0.05, np.sin(np.arange(200) * 0.05), np.zeros(200)])
+    truth = Trajectory.from_se2(stamps, poses)
+    part = truth.select(np.arange(50, 101))
+    assert at_stamps(part, stamps).stamps_ns.tolist() == stamps[50:101].tolist()
+    assert distance(part, truth, stamps)[0]["ate.max"] < 1e-9
+    cut = cut_to(Truth(trajectory=truth), [part.stamps_ns + 1, np.zeros(0, dtype=np.int64)]).trajectory
+    assert cut is not None
+    assert cut.stamps_ns[[0, -1]].tolist() == [stamps[50], stamps[101]]
+    elsewhere = cut_to(Truth(trajectory=truth), [part.stamps_ns + 10**15]).trajectory
+    assert elsewhere is truth
 
 
 def test_the_folder_is_named_for_the_recording() -> None:

@@ -26,6 +26,7 @@ from slamcli.pipelines.compare_scores import (
     Truth,
     agreement,
     common_stamps,
+    cut_to,
     distance,
     lay_over,
     load_truth,
@@ -64,6 +65,7 @@ class _Material:
     truth: Truth
     points: RecordedPoints | None = None
     begin_ns: int = 0
+    end_ns: int = 0
     fits: Mapping[str, TierFit] = field(default_factory=dict)
     inputs: Sequence[Mapping[str, Any]] = ()
 
@@ -97,7 +99,12 @@ def run_compare(
     with log.stage("points"):
         material.points = _points(request, compared, log)
     if material.points is not None and len(material.points.seen.stamps_ns):
-        material.begin_ns = material.begin_ns or int(material.points.seen.stamps_ns.min())
+        first_ns = int(material.points.seen.stamps_ns.min())
+        if not material.begin_ns <= first_ns <= material.end_ns:  # stamps of another clock than that of the log
+            material.begin_ns = first_ns
+    spans = [found.trajectory.stamps_ns for found in compared if found.trajectory is not None]
+    spans += [material.points.seen.stamps_ns] if material.points is not None else []
+    material.truth = cut_to(material.truth, spans)
     with log.stage("figures"):
         rows, pairs = _measured(compared, material)
     document = comparison_document(request, rows, pairs, material.truth.sources, material.inputs, log)
@@ -134,7 +141,7 @@ def _prepared(request: CompareRequest, log: RunLog) -> tuple[tuple[Entrant, ...]
             open_recording(list(request.inputs), mends=replace(request.mends, shared=True), log=RunLog()) as recording,
         ):
             material.fits = {fit.tier: fit for fit in summarise(recording).tiers}
-            material.begin_ns = recording.start_ns
+            material.begin_ns, material.end_ns = recording.start_ns, recording.end_ns
             recording.window(request.start_s, request.duration_s)
         material.inputs = describe_inputs(request.inputs)
     possible = [fit.tier for fit in material.fits.values() if fit.runs]
