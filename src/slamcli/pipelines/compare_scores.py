@@ -135,14 +135,31 @@ def common_stamps(reference: Trajectory, others: Sequence[Trajectory]) -> NDArra
 
 
 def at_stamps(trajectory: Trajectory, stamps_ns: NDArray[np.int64]) -> Trajectory:
-    """Return the poses at those of the stamps at which there is one near.
+    """Return the poses at those of the stamps at which there is one near, and none beyond the ends: what stands still there is no estimate.
 
     Raises
     ------
     EstimationError
         If the trajectory has fewer than two poses.
     """
-    return interpolate(trajectory, stamps_ns[has_pose(stamps_ns, trajectory)])
+    within = (stamps_ns >= trajectory.stamps_ns.min()) & (stamps_ns <= trajectory.stamps_ns.max())
+    return interpolate(trajectory, stamps_ns[within & has_pose(stamps_ns, trajectory)])
+
+
+def cut_to(truth: Truth, spans_ns: Sequence[NDArray[np.int64]]) -> Truth:
+    """Return the truth without poses of before and after all stamps given: of a part of a recording the rest is neither drawn nor missed.
+
+    A truth that is at another time altogether stays, so that its score says why there is none.
+    """
+    spans = [span for span in spans_ns if len(span)]
+    if truth.trajectory is None or not spans:
+        return truth
+    stamps = truth.trajectory.stamps_ns
+    step = int(np.median(np.diff(np.unique(stamps)))) if len(np.unique(stamps)) > 1 else 0
+    # One pose more at either end, between which the first and the last stamp lie.
+    first, last = min(int(span.min()) for span in spans) - step, max(int(span.max()) for span in spans) + step
+    kept = np.flatnonzero((stamps >= first) & (stamps <= last))
+    return replace(truth, trajectory=truth.trajectory.select(kept)) if len(kept) > 1 else truth
 
 
 def score_against_truth(found: Compared, truth: Truth, stamps_ns: NDArray[np.int64]) -> Scores:
