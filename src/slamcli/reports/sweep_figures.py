@@ -146,10 +146,11 @@ def _cost_picture(cost: CostView, document: Mapping[str, Any]) -> bytes:
             label="baseline",
         )  # fmt: skip
     middle = (float(np.min(cost.times_s)) + float(np.max(cost.times_s))) / 2
+    away = -11 if document["objective"]["best"] == "smallest" else 5  # from the line, which comes from the left
     for i in front[:8]:
         left = cost.times_s[i] > middle  # into the picture, not out of it
         axes.annotate(
-            cost.labels[i][:60], (cost.times_s[i], cost.values[i]), textcoords="offset points", xytext=(-6 if left else 6, 5),
+            cost.labels[i][:60], (cost.times_s[i], cost.values[i]), textcoords="offset points", xytext=(-6, away) if left else (6, 5),
             ha="right" if left else "left", fontsize="x-small",
         )  # fmt: skip
     axes.margins(x=0.12, y=0.12)
