@@ -26,9 +26,13 @@ _ROUNDS_S = 0.2
 def test_kernel(benchmark, call):
     kernel = getattr(importlib.import_module(call.module), call.name)
     kernel(*call.arguments())  # compiled, or loaded from the cache
+    arguments = call.arguments()
+    start = time.process_time()
+    kernel(*arguments)
+    seconds = time.process_time() - start
     benchmark.group = call.module.removeprefix("slamcli.").partition(".")[0]
     benchmark.extra_info.update(scenario=call.scenario, input=call.input_size(), recorded_s=call.seconds)
-    rounds = int(min(max(_ROUNDS_S / max(call.seconds, 1e-6), 5), 1000))
+    rounds = int(min(max(_ROUNDS_S / max(seconds, 1e-6), 5), 1000))
     benchmark.pedantic(kernel, setup=lambda: (call.arguments(), {}), rounds=rounds)
 
 

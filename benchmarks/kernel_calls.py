@@ -5,8 +5,8 @@
     python benchmarks/kernel_calls.py --only orbslam3       those with this in their names; what else was taken stays
     python benchmarks/kernel_calls.py --table RUN.json      the slowest kernels of a run of bench_kernels.py, as Markdown
 
-Whatever Python calls a kernel for is looked at on its way: of each kernel the slowest of its calls number 2, 4, 8, 16, ... is kept
-with copies of its arguments. A kernel that no scenario reaches keeps the call that its room's `warm()` makes, on tiny input. Kernels
+Whatever Python calls a kernel for is looked at on its way: of each kernel the slowest of the calls number 1, 2, 4, 8, ... of each
+scenario is kept with copies of its arguments. A kernel that no scenario reaches keeps the call that its room's `warm()` makes, on tiny input. Kernels
 that only other kernels call are measured within those. Exit code 1: a scenario failed, or a kernel was reached by none.
 """
 
@@ -29,6 +29,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from kernel_scenarios import scenarios
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
@@ -38,7 +39,6 @@ from slamcli.cli.warmup import ROOMS
 
 ROOT = Path(__file__).resolve().parent.parent
 CALLS = ROOT / ".benchmarks" / "kernel_calls.pickle"
-SAMPLES = ROOT / "sample_data"
 WARM = "warm"
 """Stands for a scenario: the call that a room's `warm()` makes."""
 _LARGE = 16 * 2**20
@@ -111,16 +111,21 @@ class Recorder:
 
     def __init__(self, module: str, name: str, kernel: Dispatcher, book: Book) -> None:
         self._module, self._name, self._kernel, self._book = module, name, kernel, book
-        self._count = 0
+        self._count, self._scenario = 0, book.scenario
 
     def __call__(self, *arguments: Any) -> Any:
+        if self._scenario != self._book.scenario:
+            self._count, self._scenario = 0, self._book.scenario
         self._count += 1
-        if self._count == 1 or self._count & (self._count - 1):  # the first may compile
+        if self._count & (self._count - 1):
             return self._kernel(*arguments)
-        kept = packed(arguments)
+        kept, compiled = packed(arguments), len(self._kernel.signatures)
         start = time.thread_time()  # not disturbed by other work
         result = self._kernel(*arguments)
-        self._book.offer(Call(self._module, self._name, kept, time.thread_time() - start, self._book.scenario))
+        seconds = time.thread_time() - start
+        if len(self._kernel.signatures) > compiled:  # the time is the compiler's
+            seconds = 0.0
+        self._book.offer(Call(self._module, self._name, kept, seconds, self._book.scenario))
         return result
 
     def __getattr__(self, name: str) -> Any:
@@ -190,57 +195,6 @@ def listening(book: Book) -> Iterator[list[tuple[ModuleType, str, Any]]]:
             setattr(holder, attribute, value)
 
 
-ROOMS_TO_EXPLORE = """
-rooms: [[0, 0, 6, 4], [6, 0, 9, 4]]
-doors: [{at: [6, 2], width: 1.0}]
-boxes: [{at: [3, 2.6], size: [0.8, 0.6]}]
-start: [1.5, 1.5, 0]
-"""
-
-
-def scenarios(folder: Path) -> list[tuple[str, list[str]]]:
-    """Return command lines that reach the kernels between them; short ones, for they are run one after another."""
-    office, desk, town = str(SAMPLES / "office.bag"), str(SAMPLES / "desk_rgbd.mcap"), str(SAMPLES / "office.map.yaml")
-    stereo, lidar, rooms = str(folder / "stereo.mcap"), str(folder / "lidar.mcap"), folder / "rooms.yaml"
-    rooms.write_text(ROOMS_TO_EXPLORE)
-
-    def mapped(algo: str, recording: str, name: str, *options: str) -> list[str]:
-        return ["map", "--algo", algo, recording, "--jobs", "1", *options, "-o", str(folder / name)]
-
-    def planned(planner: str) -> list[str]:
-        return ["plan", "2,8.75", "24,8", "--map", town, "--planner", planner, "-o", str(folder / planner)]
-
-    def driven(name: str, goal: str, *options: str) -> list[str]:
-        start = ["--map", town, "--start", "2,8.75,0", "--lean"]
-        return ["navigate", goal, *start, *options, "-o", str(folder / name)]
-
-    camera = ["--camera", "stereo", "--imu", "--image-size", "320x240", "--rate", "15", "--duration", "5"]
-    return [
-        ("gmapping", mapped("gmapping", office, "gmapping", "--duration", "40")),
-        ("cartographer", mapped("cartographer", office, "cartographer")),
-        ("rtabmap laser", mapped("rtabmap", office, "rtabmap-laser", "--duration", "40")),
-        ("rtabmap rgbd", mapped("rtabmap", desk, "rtabmap", "--octomap")),
-        ("orbslam3 rgbd", mapped("orbslam3", desk, "rgbd", "--mode", "rgbd", "--dense", "mesh")),
-        ("orbslam3 mono", mapped("orbslam3", desk, "mono", "--mode", "mono")),
-        ("generate stereo", ["generate", "visual_room", stereo, *camera]),
-        ("stereo orbslam3", mapped("orbslam3", stereo, "stereo", "--mode", "stereo-inertial")),
-        ("stereo rtabmap", mapped("rtabmap", stereo, "rtabmap-stereo", "--mode", "stereo")),
-        ("generate lidar", ["generate", "office3d", lidar, "--lidar3d", "--imu", "--duration", "10"]),
-        ("lidar cartographer", mapped("cartographer", lidar, "lidar", "--mode", "3d")),
-        ("localize", ["localize", office, "--map", town, "--global", "--duration", "30", "-o", str(folder / "amcl")]),
-        ("plan navfn", planned("navfn")),
-        ("plan astar", planned("astar")),
-        ("plan dijkstra", planned("dijkstra")),
-        ("drive dwa", driven("dwa", "10,8", "--people", "3")),
-        ("drive teb", driven("teb", "10,8", "--people", "3", "--local-planner", "teb")),
-        ("drive theta", driven("theta", "8,8.5", "--global-planner", "theta_star", "--local-planner", "pursuit")),
-        ("drive global_planner", driven("global", "5,8.5", "--global-planner", "global_planner")),
-        ("drive car", driven("car", "8,8.5", "--set", "robot.drive=car", "--global-planner", "hybrid_astar", "--local-planner", "teb")),
-        ("explore", ["explore", str(rooms), "--slam", "cartographer", "--lean", "-o", str(folder / "explored")]),
-        ("gmapping evaluate", ["evaluate", str(folder / "gmapping" / "map.yaml"), town]),
-    ]  # fmt: skip
-
-
 def load_calls(source: Path = CALLS) -> list[Call]:
     """Return the calls that were kept, by the names of their kernels; none where there is no file."""
     if not source.exists():
@@ -276,9 +230,7 @@ def record(only: str) -> int:
     book = Book()
     with listening(book):
         for room in ROOMS:
-            module = importlib.import_module(f"slamcli.{room}")
-            for _ in range(2):  # the first call of each kernel is not looked at
-                module.warm()
+            importlib.import_module(f"slamcli.{room}").warm()
         for call in load_calls() if only else []:
             book.offer(call)
         failed = run_scenarios(book, only)
