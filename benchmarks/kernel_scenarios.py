@@ -30,15 +30,20 @@ def _mapped(algo: str, recording: str, out: Path, *options: str) -> list[str]:
 
 def _mapping(folder: Path) -> list[tuple[str, list[str]]]:
     made = folder / "gmapping"
-    online = "use_online_correlative_scan_matching=true"
+    builder = "TRAJECTORY_BUILDER_2D"
+    tsdf = [
+        "--set", f"{builder}.submaps.grid_options_2d.grid_type=TSDF",
+        "--set", f"{builder}.submaps.range_data_inserter.range_data_inserter_type=TSDF_INSERTER_2D",
+        "--set", f"{builder}.use_online_correlative_scan_matching=true",
+    ]  # fmt: skip
     return [
-        ("gmapping", _mapped("gmapping", OFFICE, made, "--duration", "40")),
+        ("gmapping", _mapped("gmapping", OFFICE, made, "--duration", "20")),
         ("gmapping film", ["view", str(made), "-o", str(folder / "film.gif"), "--max-pixels", "300"]),
         ("gmapping evaluate", ["evaluate", str(made / "map.yaml"), TOWN]),
         ("gmapping improved", _mapped("gmapping", OFFICE, folder / "improved", "--duration", "10", "--set", "proposal=improved")),
         ("compare", ["compare", OFFICE, "--algo", "gmapping", "--duration", "10", "-o", str(folder / "compared")]),
         ("cartographer", _mapped("cartographer", OFFICE, folder / "cartographer")),
-        ("cartographer tsdf", _mapped("cartographer", OFFICE, folder / "tsdf", "--duration", "40", "--set", "grid_type=TSDF", "--set", online)),
+        ("cartographer tsdf", _mapped("cartographer", OFFICE, folder / "tsdf", "--duration", "20", *tsdf)),
         ("rtabmap laser", _mapped("rtabmap", OFFICE, folder / "rtabmap-laser", "--duration", "40")),
     ]  # fmt: skip
 
