@@ -219,3 +219,13 @@ def test_a_simulated_drive_against_its_truth():
     error = next(value for key, value in figures.items() if key.endswith("rmse") and "rot" not in key)
     assert math.isfinite(error)
     assert error < 0.1
+
+
+def test_a_truth_of_another_time_costs_the_score_and_not_the_map(capsys):
+    Path("other.tum").write_text("".join(f"{t} {t} 0 0 0 0 0 1\n" for t in range(5)))
+    assert run(["map", OFFICE, "--duration", "4", "--truth", "other.tum", "-q", "-o", "out"]) == 1
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("slamcli:")]
+    assert line.startswith("slamcli: --truth other.tum: ")
+    assert line.endswith("(the map is in out)")
+    assert "truth" not in json.loads(Path("out/run.json").read_text())["summary"]
+    assert Path("out/map.pgm").exists()

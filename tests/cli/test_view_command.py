@@ -249,6 +249,15 @@ def test_open_without_a_desktop(result, monkeypatch, capsys):
         (["{result}", "--truth", "gone.tum"], "gone.tum"),
         (["{recording}", "--start", "99"], "--start"),
         (["{result}", "--max-pixels", "1"], "max-pixels"),
+        (["{result}", "--start", "3"], "--start is for recordings, and this is a result"),
+        (["{result}", "--scans", "3", "-o", "x.gif"], "--scans is for recordings"),
+        (["{result}", "--host", "localhost"], "--host is for --serve"),
+        (["{result}", "--export", "x.html", "--port", "80"], "--port is for --serve"),
+        (
+            ["{result}", "--export", "x.html", "--max-pixels", "2000"],
+            "--max-pixels is for pictures, and --export makes none",
+        ),
+        (["{result}", "--serve", "--align", "fit"], "--align is for pictures, and --serve makes none"),
         (["{bag}"], "bag"),
     ],
 )

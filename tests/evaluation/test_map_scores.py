@@ -76,6 +76,22 @@ def test_registration_finds_the_pose(T):
     assert errors.agreement > 0.98
 
 
+def test_refinement_does_not_depend_on_where_the_origin_is():
+    """In coordinates of a survey the least turn about the origin is kilometres: the middle of the walls must be turned about."""
+    truth, grid = layers(building()), seen_from(building(), np.array([0.05, -0.03, np.radians(0.5)]))
+    near = register(layers(grid), truth, search=False)
+    away = [
+        OccupancyGrid(g.cells, g.resolution_m, (g.origin[0] + 448_000.0, g.origin[1] + 5_400_000.0, g.origin[2]))
+        for g in (grid, truth.grid)
+    ]
+    far = register(layers(away[0]), layers(away[1]), search=False)
+    assert near.overlap > 0.9
+    assert far.overlap == pytest.approx(near.overlap, abs=1e-4)
+    middle, away_m = np.array([[3.0, 1.0]]), np.array([448_000.0, 5_400_000.0])
+    there = se2.transform_points(far.T_reference_map, middle + away_m) - away_m
+    np.testing.assert_allclose(there, se2.transform_points(near.T_reference_map, middle), atol=1e-3)
+
+
 def test_same_input_same_output():
     truth, moved = layers(building()), layers(seen_from(building(), np.array([3.0, 1.0, 0.9])))
     a, b = register(moved, truth), register(moved, truth)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamcli.errors import FormatError, UsageError
+from slamcli.errors import ConfigError, FormatError, UsageError
 from slamcli.formats.maps import read_map, write_map
 from slamcli.formats.trajectories import read_tum, write_tum
 from slamcli.pipelines.compare import CompareOutcome, default_output, run_compare
 from slamcli.pipelines.compare_points import PointsRequest, read_points
 from slamcli.pipelines.compare_request import CompareRequest, Wanted, entrants_of
-from slamcli.pipelines.compare_scores import common_stamps
+from slamcli.pipelines.compare_scores import Truth, at_stamps, common_stamps, cut_to, distance
 from slamcli.pipelines.consistency import consistency_of, measure_consistency
 from slamcli.pipelines.schemas import SchemaName, first_deviation
 from slamcli.runtime import RunLog
@@ -147,7 +147,8 @@ def test_without_the_recording_only_what_the_folders_tell(folders: dict[str, Pat
 
 def test_runs_fail_alone_and_are_not_run_again(tmp_path: Path) -> None:
     wanted = Wanted(
-        algos=["orbslam3"], variants=["broken=gmapping:particles=0", "one=gmapping:particles=1"], sets=["gmapping:delta=0.1"]
+        algos=["orbslam3"], variants=["broken=gmapping:particles=1", "one=gmapping:particles=1"], sets=["gmapping:delta=0.1"],
+        modes=["broken=3d"],
     )  # fmt: skip
     request = CompareRequest(inputs=[BAG], wanted=wanted, duration_s=3.0, output=tmp_path / "out")
     told: list[tuple[str, bool, bool]] = []
@@ -156,7 +157,7 @@ def test_runs_fail_alone_and_are_not_run_again(tmp_path: Path) -> None:
     assert states == {"orbslam3": "cannot run", "broken": "failed", "one": "ran"}
     sentences = {entry["name"]: entry["sentence"] for entry in outcome.document["results"]}
     assert "needs camera images" in sentences["orbslam3"]
-    assert "particles" in sentences["broken"]
+    assert "one mode only" in sentences["broken"]
     assert told == [("broken", False, False), ("one", True, False)]
     run = json.loads((outcome.output / "one" / "run.json").read_text())
     assert (run["parameters"]["particles"], run["parameters"]["delta"]) == (1, 0.1)
@@ -217,12 +218,27 @@ def test_wrong_input_is_told_before_anything_runs(tmp_path: Path) -> None:
             CompareRequest(inputs=[BAG], wanted=Wanted(algos=["orbslam3"]), output=tmp_path / "o"),
             "orbslam3 needs camera images",
         ),
+        (CompareRequest(inputs=[BAG], start_s=-1.0, output=tmp_path / "o"), "--start -1"),
+        (CompareRequest(inputs=[BAG], duration_s=float("nan"), output=tmp_path / "o"), "--duration nan"),
+        (
+            CompareRequest(inputs=[BAG], judged=["gmaping.poses"], output=tmp_path / "o"),
+            "no figure 'gmaping.poses' here",
+        ),
     ):
         with pytest.raises(UsageError, match=message):
             run_compare(request, RunLog())
     with pytest.raises(FormatError, match="no such file"):
         run_compare(CompareRequest(inputs=[BAG], references=["none.tum"], output=tmp_path / "o"), RunLog())
+    for setting in ("gmapping:particles=x", "gmapping:particle=3"):
+        with pytest.raises(ConfigError, match="particle"):
+            run_compare(
+                CompareRequest(inputs=[BAG], wanted=Wanted(algos=["gmapping"], sets=[setting]), output=tmp_path / "o"),
+                RunLog(),
+            )
     assert not (tmp_path / "o").exists()
+    wanted = Wanted(algos=["gmapping"], modes=["gmapping=3d"])
+    with pytest.raises(UsageError, match="nothing to compare: gmapping: --mode 3d"):
+        run_compare(CompareRequest(inputs=[BAG], wanted=wanted, output=tmp_path / "o"), RunLog())
 
 
 def test_consistency_alone_is_what_compare_says(outcome: CompareOutcome, folders: dict[str, Path]) -> None:
@@ -259,6 +275,21 @@ def test_common_stamps_are_no_denser_than_the_sparsest() -> None:
     sparse = Trajectory.from_se2(np.arange(50, dtype=np.int64) * 100_000_000, np.zeros((50, 3)))
     assert np.diff(common_stamps(dense, [dense, sparse]))[0] == 90_000_000
     assert len(common_stamps(sparse, [dense])) == 50
+
+
+def test_a_truth_that_goes_on_costs_nothing() -> None:
+    """Of a part of a recording (--duration) the truth is of the whole: where the estimate has ended nothing is held against it."""
+    stamps = np.arange(200, dtype=np.int64) * 100_000_000
+    poses = np.column_stack([np.arange(200) * 0.05, np.sin(np.arange(200) * 0.05), np.zeros(200)])
+    truth = Trajectory.from_se2(stamps, poses)
+    part = truth.select(np.arange(50, 101))
+    assert at_stamps(part, stamps).stamps_ns.tolist() == stamps[50:101].tolist()
+    assert distance(part, truth, stamps)[0]["ate.max"] < 1e-9
+    cut = cut_to(Truth(trajectory=truth), [part.stamps_ns + 1, np.zeros(0, dtype=np.int64)]).trajectory
+    assert cut is not None
+    assert cut.stamps_ns[[0, -1]].tolist() == [stamps[50], stamps[101]]
+    elsewhere = cut_to(Truth(trajectory=truth), [part.stamps_ns + 10**15]).trajectory
+    assert elsewhere is truth
 
 
 def test_the_folder_is_named_for_the_recording() -> None:

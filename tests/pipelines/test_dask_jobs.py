@@ -168,10 +168,13 @@ def test_another_version_is_refused_before_anything_runs(cluster, monkeypatch):
 
 def test_a_scheduler_that_is_not_there_or_has_no_workers_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(dask_jobs, "_CONNECT_S", 0.5)
-    monkeypatch.setattr(dask_jobs, "_FIRST_WORKER_S", 0.5)
-    for address in ("tcp://127.0.0.1:1", "nonsense"):
-        with pytest.raises(UsageError, match=f"--scheduler {address}: no Dask scheduler answers there"):
+    with pytest.raises(UsageError, match=r"--scheduler tcp://127\.0\.0\.1:1: no Dask scheduler answers there"):
+        run_jobs([job("a")], records=Path("jobs"), scheduler="tcp://127.0.0.1:1")
+    for address in ("nonsense", "tcp://", "tcp://:8786", "tcp://host:port"):
+        with pytest.raises(UsageError, match=f"--scheduler {address}: not an address of a Dask scheduler"):
             run_jobs([job("a")], records=Path("jobs"), scheduler=address)
+    monkeypatch.setattr(dask_jobs, "_CONNECT_S", 30.0)
+    monkeypatch.setattr(dask_jobs, "_FIRST_WORKER_S", 0.5)
     with (
         machines(tmp_path) as empty,
         pytest.raises(UsageError, match=r"it has no workers; start some: dask worker tcp"),

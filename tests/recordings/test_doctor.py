@@ -207,6 +207,7 @@ def test_frames_that_are_missing_contradict_or_come_late(tmp_path: Path) -> None
     assert [finding.mend for finding in _found(diagnosis, "tf-late")] == ["--start 5.0", ""]
     assert not _found(_diagnose(path, renamed_frames=["lidar=laser"]), "tf-missing")
     assert not _found(_diagnose(path, static_transforms=["base_link,laser,0,0,0,0,0,0"]), "tf-missing")
+    assert not _found(_diagnose(path, laser_pose="0.1,0,0"), "tf-missing")
 
 
 def test_a_recorded_localisation_and_shared_frames_are_notes(tmp_path: Path) -> None:

@@ -138,7 +138,7 @@ def command(
         context = click.get_current_context()
         request = CompareRequest(
             inputs=bag, wanted=Wanted(**{name: options.pop(name) for name in _WANTED}), mends=mends, given_mends=given_mends(context),
-            jobs=jobs or os.cpu_count() or 1, workers=workers or 1, command=_command_line(context), **options,
+            jobs=jobs or os.cpu_count() or 1, workers=workers or 1, command=_command_line(context), judged=verdicts.keys, **options,
         )  # fmt: skip
         log = RunLog(console)
         try:
@@ -158,7 +158,8 @@ def command(
 
 def _tell(ended: JobOutcome, console: Console) -> None:
     if not ended.done:
-        console.say(f"{ended.name}: {ended.message or f'ended with exit code {ended.exit_code}'}")
+        message = ended.message.removeprefix("slamcli: ")
+        console.say(f"{ended.name}: {message or f'ended with exit code {ended.exit_code}'}")
     elif ended.reused:
         console.say(f"{ended.name}: done before, in {ended.wall_s:.1f} s")
     else:

@@ -55,6 +55,11 @@ class Verdicts:
         """1 if a threshold was missed, else 0."""
         return 0 if all(verdict.passed for verdict in self._verdicts) else 1
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The figures that thresholds are on."""
+        return tuple(threshold.key for threshold in self._thresholds)
+
     def judge(self, figures: Mapping[str, float]) -> None:
         """Hold the figures against the thresholds.
 

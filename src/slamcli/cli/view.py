@@ -12,7 +12,7 @@ from slamcli.cli.console import Console, print_json
 from slamcli.cli.desktop import show
 from slamcli.cli.options import json_option, verbosity_options
 from slamcli.cli.recording_options import recording_options
-from slamcli.cli.view_player import check_pictures, check_player, export_page, player_options, serve_page
+from slamcli.cli.view_player import check_given, check_player, export_page, player_options, serve_page
 
 
 @click.command(name="view")
@@ -101,6 +101,7 @@ def command(
 
     with Console(verbosity) as console:
         log = RunLog(console)
+        check_given(click.get_current_context(), serve=serve, export=export)
         if serve or export is not None:
             source = check_player(sources, output, serve=serve, export=export)
             inputs = {"recording": recordings, "truth": truth, "mends": mends, "title": title}
@@ -109,7 +110,6 @@ def command(
                     source, console, host=host, port=port, open_it=open_it, as_json=as_json, inputs=inputs
                 )
             return export_page(source, export, console, open_it=open_it, as_json=as_json, inputs=inputs)
-        check_pictures(port=port, host=host)
         options = ViewOptions(
             truth=truth,
             align=align,

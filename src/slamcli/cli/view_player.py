@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from slamcli.cli.console import Console, print_json
 from slamcli.cli.desktop import show
@@ -17,6 +18,7 @@ from slamcli.errors import UsageError
 from slamcli.runtime import RunLog
 
 _LOOPBACK = "127.0.0.1"
+_OF_PICTURES = ("align", "max_pixels", "width_cm", "start_s", "duration_s", "scans")
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
@@ -59,17 +61,21 @@ def check_player(sources: Sequence[Path], output: Path | None, *, serve: bool, e
     return sources[0]
 
 
-def check_pictures(*, port: int, host: str) -> None:
-    """Refuse options of the player where a picture is asked for.
+def check_given(context: click.Context, *, serve: bool, export: Path | None) -> None:
+    """Refuse options that would do nothing: the server's where nothing is served, those of pictures where none is drawn.
 
     Raises
     ------
     UsageError
         With the option.
     """
-    for option, given in {"--port": port != 0, "--host": host != _LOOPBACK}.items():
-        if given:
-            raise UsageError(f"{option} is for --serve")
+    page = "--serve" if serve else "--export"
+    refused = {} if serve else {"port": "is for --serve", "host": "is for --serve"}
+    if serve or export is not None:
+        refused |= dict.fromkeys(_OF_PICTURES, f"is for pictures, and {page} makes none")
+    for option in context.command.params:
+        if option.name in refused and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE:
+            raise UsageError(f"{max(option.opts, key=len)} {refused[option.name]}")
 
 
 def serve_page(

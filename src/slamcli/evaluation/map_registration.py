@@ -9,7 +9,7 @@ correlation); B. S. Reddy and B. N. Chatterji, IEEE TIP 5(8), 1996, doi:10.1109/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +68,29 @@ def register(layers: MapLayers, reference: MapLayers, *, search: bool = True) ->
     (walls of one map in the free space of the other); it is polished by steps on the distances across the walls (point to
     line). All weights are Geman-McClure's, of falling width. No random draws: same input, same output. Buildings that look the
     same turned by 90 or 180 degrees can be told apart only by what differs in them.
+
+    Steps turn a map about the middle of its walls, wherever that is in its frame: about a far origin the least turn would be a
+    long way, and steps of bounded length would not make up for it.
     """
-    here = np.zeros((1, 3))
+    middle, reference_middle = layers.walls_m.mean(axis=0), reference.walls_m.mean(axis=0)
+    pose, overlap = _registered(
+        _shifted(layers, -middle), _shifted(reference, -reference_middle), middle - reference_middle, search=search
+    )
+    position = pose[:2] + reference_middle - se2.transform_points([0.0, 0.0, pose[2]], middle[None])[0]
+    return MapRegistration(np.array([*position, pose[2]]), overlap)
+
+
+def _shifted(layers: MapLayers, by_m: NDArray[np.float64]) -> MapLayers:
+    x, y, yaw = layers.grid.origin
+    grid = replace(layers.grid, origin=(x + float(by_m[0]), y + float(by_m[1]), yaw))
+    return replace(layers, grid=grid, walls_m=layers.walls_m + by_m, free_m=layers.free_m + by_m)
+
+
+def _registered(
+    layers: MapLayers, reference: MapLayers, shift_m: NDArray[np.float64], *, search: bool
+) -> tuple[NDArray[np.float64], float]:
+    """Return pose and overlap of maps about whose walls' middle their frames are; without a search from a shift."""
+    here = np.array([[*shift_m, 0.0]])
     candidates = np.concatenate([_search(layers, reference), here]) if search else here
     fields = _Field.of(layers), _Field.of(reference)
     few = _thinned(layers.walls_m, _FEW_POINTS), _thinned(reference.walls_m, _FEW_POINTS)
@@ -80,7 +101,7 @@ def register(layers: MapLayers, reference: MapLayers, *, search: bool = True) ->
     best = measure_overlap(layers, reference, _polished(likely, layers, reference))
     if best.overlap <= 0:
         raise EstimationError("no wall of one map comes near a wall of the other: they cannot be laid on each other")
-    return best
+    return best.T_reference_map, best.overlap
 
 
 def measure_overlap(layers: MapLayers, reference: MapLayers, T_reference_map: NDArray[np.float64]) -> MapRegistration:

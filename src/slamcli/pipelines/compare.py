@@ -26,12 +26,14 @@ from slamcli.pipelines.compare_scores import (
     Truth,
     agreement,
     common_stamps,
+    cut_to,
     distance,
     lay_over,
     load_truth,
     mean_agreement,
     score_against_truth,
 )
+from slamcli.pipelines.config import load_native
 from slamcli.pipelines.consistency import Consistency, base_frame_of, consistency_of
 from slamcli.pipelines.jobs import JobOutcome
 from slamcli.pipelines.run_record import describe_inputs
@@ -63,6 +65,7 @@ class _Material:
     truth: Truth
     points: RecordedPoints | None = None
     begin_ns: int = 0
+    end_ns: int = 0
     fits: Mapping[str, TierFit] = field(default_factory=dict)
     inputs: Sequence[Mapping[str, Any]] = ()
 
@@ -80,7 +83,8 @@ def run_compare(
     Raises
     ------
     InputError
-        If the recording or an option is wrong, or no system can run on the recording; nothing is written then.
+        If the recording or an option is wrong, or no system can run on the recording; nothing is written then. Also if every run
+        found its options wrong.
     ProcessError
         If every run failed; what each said stands in the message.
     """
@@ -90,11 +94,17 @@ def run_compare(
         compared = run_entrants(request, entrants, output, material.fits, told)
     nothing = all_failed(compared)
     if nothing:
-        raise ProcessError(f"nothing to compare: {nothing}")
+        wrong = all(found.outcome is not None and found.outcome.exit_code == 2 for found in compared)
+        raise (UsageError if wrong else ProcessError)(f"nothing to compare: {nothing}")
     with log.stage("points"):
         material.points = _points(request, compared, log)
     if material.points is not None and len(material.points.seen.stamps_ns):
-        material.begin_ns = material.begin_ns or int(material.points.seen.stamps_ns.min())
+        first_ns = int(material.points.seen.stamps_ns.min())
+        if not material.begin_ns <= first_ns <= material.end_ns:  # stamps of another clock than that of the log
+            material.begin_ns = first_ns
+    spans = [found.trajectory.stamps_ns for found in compared if found.trajectory is not None]
+    spans += [material.points.seen.stamps_ns] if material.points is not None else []
+    material.truth = cut_to(material.truth, spans)
     with log.stage("figures"):
         rows, pairs = _measured(compared, material)
     document = comparison_document(request, rows, pairs, material.truth.sources, material.inputs, log)
@@ -131,15 +141,28 @@ def _prepared(request: CompareRequest, log: RunLog) -> tuple[tuple[Entrant, ...]
             open_recording(list(request.inputs), mends=replace(request.mends, shared=True), log=RunLog()) as recording,
         ):
             material.fits = {fit.tier: fit for fit in summarise(recording).tiers}
-            material.begin_ns = recording.start_ns
+            material.begin_ns, material.end_ns = recording.start_ns, recording.end_ns
+            recording.window(request.start_s, request.duration_s)
         material.inputs = describe_inputs(request.inputs)
     possible = [fit.tier for fit in material.fits.values() if fit.runs]
     entrants = entrants_of(request.wanted, possible)
+    _check_known(request, entrants)
     if not any(_can_run(entrant, material.fits) for entrant in entrants):
         meant = {entrant.algo for entrant in entrants}
         why = "; ".join(f"{fit.tier} {fit.mode}" for fit in material.fits.values() if fit.tier in meant or not meant)
         raise UsageError(f"{request.inputs[0]}: {'none of these' if meant else 'no'} systems can run on it: {why}")
     return entrants, output, material
+
+
+def _check_known(request: CompareRequest, entrants: Sequence[Entrant]) -> None:
+    """Raise for what would be found wrong only after the runs, or by every one of them."""
+    for entrant in entrants:
+        if entrant.algo:
+            load_native(entrant.algo, entrant.config_files, entrant.sets, RunLog())
+    for key in request.judged:
+        if not any(key.startswith(f"{entrant.name}.") for entrant in entrants):
+            names = ", ".join(entrant.name for entrant in entrants)
+            raise UsageError(f"no figure {key!r} here: figures are NAME.FIGURE, and what is compared is {names}")
 
 
 def _can_run(entrant: Entrant, fits: Mapping[str, TierFit]) -> bool:

@@ -81,6 +81,8 @@ class CompareRequest:
     mends: Mends = field(default_factory=Mends)
     given_mends: Mapping[str, object] = field(default_factory=dict)
     """The mends as the user gave them, by option."""
+    judged: Sequence[str] = ()
+    """Figures that thresholds are on, ``<name>.<figure>``: told before anything runs if their name is none."""
     command: str = ""
 
     @property

@@ -59,6 +59,8 @@ _MAP = (
     "map.overlap",
 )
 _RPE_S = 1.0
+_TILTED_TIMES, _TILTED_M = 2.0, 0.01
+"""Frames are tilted to each other where turning about z alone leaves paths so much farther apart than turning freely."""
 MOST_MAPS = 6
 """Of more results than these maps are not compared pair by pair."""
 
@@ -133,14 +135,31 @@ def common_stamps(reference: Trajectory, others: Sequence[Trajectory]) -> NDArra
 
 
 def at_stamps(trajectory: Trajectory, stamps_ns: NDArray[np.int64]) -> Trajectory:
-    """Return the poses at those of the stamps at which there is one near.
+    """Return the poses at those of the stamps at which there is one near, and none beyond the ends: what stands still there is no estimate.
 
     Raises
     ------
     EstimationError
         If the trajectory has fewer than two poses.
     """
-    return interpolate(trajectory, stamps_ns[has_pose(stamps_ns, trajectory)])
+    within = (stamps_ns >= trajectory.stamps_ns.min()) & (stamps_ns <= trajectory.stamps_ns.max())
+    return interpolate(trajectory, stamps_ns[within & has_pose(stamps_ns, trajectory)])
+
+
+def cut_to(truth: Truth, spans_ns: Sequence[NDArray[np.int64]]) -> Truth:
+    """Return the truth without poses of before and after all stamps given: of a part of a recording the rest is neither drawn nor missed.
+
+    A truth that is at another time altogether stays, so that its score says why there is none.
+    """
+    spans = [span for span in spans_ns if len(span)]
+    if truth.trajectory is None or not spans:
+        return truth
+    stamps = truth.trajectory.stamps_ns
+    step = int(np.median(np.diff(np.unique(stamps)))) if len(np.unique(stamps)) > 1 else 0
+    # One pose more at either end, between which the first and the last stamp lie.
+    first, last = min(int(span.min()) for span in spans) - step, max(int(span.max()) for span in spans) + step
+    kept = np.flatnonzero((stamps >= first) & (stamps <= last))
+    return replace(truth, trajectory=truth.trajectory.select(kept)) if len(kept) > 1 else truth
 
 
 def score_against_truth(found: Compared, truth: Truth, stamps_ns: NDArray[np.int64]) -> Scores:
@@ -210,9 +229,19 @@ def lay_over(found: Trajectory, grid: OccupancyGrid | None, base: Trajectory) ->
         there = stamps[has_pose(stamps, found) & has_pose(stamps, base)]
         own, other = interpolate(found, there), interpolate(base, there)
         T = alignment.yaw_and_position(own.positions_m, other.positions_m)
+        if grid is None:  # nothing that has to stay level: a truth whose z is not up is laid there as a whole
+            whole = alignment.umeyama(own.positions_m, other.positions_m)
+            level_m, whole_m = (_off(t, own, other) for t in (T, whole))
+            T = whole if level_m > _TILTED_TIMES * whole_m + _TILTED_M else T
     except SlamcliError:
         return Laid(trajectory=found, grid=grid, T_common_map=None)
     return Laid(trajectory=transformed(found, T), grid=None if grid is None else _moved(grid, T), T_common_map=T)
+
+
+def _off(T: Similarity, own: Trajectory, other: Trajectory) -> float:
+    """Return the root mean square distance of two paths, one of them moved."""
+    apart = T.transform_points(own.positions_m) - other.positions_m
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
 
 
 def _moved(grid: OccupancyGrid, T: Similarity) -> OccupancyGrid:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import re
 import signal
 import threading
 import time
@@ -24,6 +25,7 @@ from slamcli.errors import DependencyError, UsageError
 from slamcli.pipelines.job_process import Job, JobOutcome, JobsStopped, run_job
 from slamcli.pipelines.process_tree import physical_memory_bytes
 
+_ADDRESS = re.compile(r"(\w+://)?[^/:\s]+:\d+/?|(\w+://)?\[[0-9a-fA-F:]+\]:\d+/?")
 _CONNECT_S = 10.0
 _FIRST_WORKER_S = 30.0
 _NO_WORKER_S = 60.0
@@ -176,6 +178,8 @@ def worker_version() -> str:
 
 
 def _connect(address: str) -> Any:
+    if not _ADDRESS.fullmatch(address):
+        raise UsageError(f"--scheduler {address}: not an address of a Dask scheduler: write it as tcp://HOST:8786")
     try:
         import distributed
     except ImportError as error:

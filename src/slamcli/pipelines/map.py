@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from slamcli.errors import CalibrationError, UsageError
+from slamcli.errors import CalibrationError, EstimationError, UsageError
 from slamcli.formats.pbstream.writing import write_state
 from slamcli.mapper import DatabaseChoice, MappingResult, Setup, Tier, find_resuming_tier, find_tier
 from slamcli.outputs import atomic_directory, check_directory, check_file
@@ -54,6 +54,8 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     ------
     InputError
         If the recording, a parameter or an option is wrong; nothing is written then.
+    EstimationError
+        If there is no map, and nothing is written; or if it cannot be scored against the truth, after it is written.
     """
     began = time.perf_counter()
     if not request.inputs and not request.load_states and not request.load_frozen_states and not request.atlas.files:
@@ -85,7 +87,7 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
             run = _from_state(request, config, state, log)
         inputs = digests.result() if digests is not None else []
     result = run.result
-    score = _score(result.trajectory, reference, log)
+    score, unscored = _score(result.trajectory, reference, log)
     with atomic_directory(output) as folder:
         with log.stage("write"):
             written = write_result(folder, result, score=score, choices=request.choices, log=log, dense=run.dense)
@@ -105,15 +107,23 @@ def run_map(request: MapRequest, log: RunLog) -> MapOutcome:
     if request.save_state is not None and result.state is not None:
         write_state(request.save_state, result.state)
     request.atlas.write_atlas(result)
+    if unscored is not None:
+        raise EstimationError(f"--truth {request.truth}: {unscored} (the map is in {output})") from unscored
     return MapOutcome(output=output, result=result, run=document)
 
 
-def _score(estimate: Trajectory, reference: Trajectory | None, log: RunLog) -> TrajectoryScore | None:
+def _score(
+    estimate: Trajectory, reference: Trajectory | None, log: RunLog
+) -> tuple[TrajectoryScore | None, EstimationError | None]:
+    """Return the score, or why there is none: a map that took long is written before that is told."""
     if reference is None:
-        return None
+        return None, None
     from slamcli.pipelines.evaluate import score_trajectory  # it takes long to import
 
-    return score_trajectory(estimate, reference, log=log)
+    try:
+        return score_trajectory(estimate, reference, log=log), None
+    except EstimationError as error:
+        return None, error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,10 +16,14 @@ from slamcli.pipelines.config import NativeConfig
 from slamcli.pipelines.feeds import find_feed
 from slamcli.pipelines.sweep_request import Subject, SweepRequest
 from slamcli.recordings import open_recording
+from slamcli.recordings.folders import find_layout
 from slamcli.runtime import RunLog
 
 _CAMERAS = ("Camera1.fx", "LEFT.K")
 _MILLIMETRES = 1000.0
+_DATA_SETS = 5000.0
+_TUM_DEPTH = ("TUM RGB-D folder", "ICL-NUIM folder")
+"""Layouts whose depth is in 1/5000 m."""
 _GAPS_S = (0.1, 0.15, 1.0)
 """Times that the tier counts in images."""
 
@@ -37,12 +41,20 @@ def recorded_camera(request: SweepRequest, subject: Subject, config: NativeConfi
             feed = find_feed(recording, find_tier(config.algo), config, request.sensors, RunLog())
             if not isinstance(feed, CameraFeed) or feed.rig.mode not in ("mono", "rgbd"):
                 return {}
-            return _settings(feed.rig, config)
+            return _settings(feed.rig, config, _depth_units(request, subject))
     except InputError:
         return {}
 
 
-def _settings(rig: CameraRig, config: NativeConfig) -> dict[str, Any]:
+def _depth_units(request: SweepRequest, subject: Subject) -> float:
+    """Return the raw depth value of one metre: as the mends say, as the layout of a data set has it, else of millimetres."""
+    if request.mends.depth_units_per_m is not None:
+        return request.mends.depth_units_per_m
+    layout = find_layout(subject.inputs[0]) if subject.inputs[0].is_dir() else None
+    return _DATA_SETS if layout is not None and layout[0].name in _TUM_DEPTH else _MILLIMETRES
+
+
+def _settings(rig: CameraRig, config: NativeConfig, depth_units: float) -> dict[str, Any]:
     main = rig.main
     model = _lens(main)
     if not model or not np.array_equal(main.rectification, np.eye(3)):
@@ -52,7 +64,7 @@ def _settings(rig: CameraRig, config: NativeConfig) -> dict[str, Any]:
     if all(round(gap * rate) == round(gap * rig.rate_hz) for gap in _GAPS_S):
         found["Camera.fps"] = float(rate)
     if rig.mode == "rgbd":
-        found["RGBD.DepthMapFactor"] = _MILLIMETRES
+        found["RGBD.DepthMapFactor"] = depth_units
         found["Stereo.b"] = rig.baseline_m or as_dict(config.parameters)["slamcli.virtual_baseline"]
     return found
 

@@ -30,6 +30,7 @@ RECORDINGS = (".mcap", ".bag", "")
 """As what results are written besides pictures; without a suffix a ROS 2 folder."""
 FILMS = (".gif", ".mp4")
 PAPER = (".pdf", ".svg")
+_NUM_SCANS = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +58,7 @@ class ViewOptions:
     max_pixels: int = 2000
     start_s: float | None = None
     duration_s: float | None = None
-    scans: int = 200
+    scans: int = _NUM_SCANS
     """Number of scans that are drawn of a recording, spread over it."""
     mends: Mends | None = None
     """What is mended while a recording is read."""
@@ -94,8 +95,8 @@ def view(
     kind = find_kind(sources, several=output is not None and output.suffix.lower() in PAPER)
     output = output or default_output(sources[0], kind)
     suffix = output.suffix.lower()
+    check_options(kind, suffix, options)
     if kind not in ("recording", "cloud") and suffix in (*RECORDINGS, *FILMS, *PAPER):
-        check_options(suffix, options)
         if suffix in PAPER:
             from slamcli.pipelines.view_paper import write_paper
 
@@ -109,7 +110,6 @@ def view(
             f"{output}: pictures are written as .png; results, maps and trajectories also as .pdf and .svg, as films (.gif, .mp4) "
             "and as recordings (.mcap, .bag)"
         )
-    check_options(suffix, options)
     if kind == "recording":
         from slamcli.pipelines.view_recording import draw_recording
 
@@ -125,14 +125,22 @@ def view(
     return Viewed(kind=kind, output=output, facts=facts)
 
 
-def check_options(suffix: str, options: ViewOptions) -> None:
-    """Refuse options that are about another kind of output than `suffix` names.
+def check_options(kind: str, suffix: str, options: ViewOptions) -> None:
+    """Refuse options that are about another kind of source than `kind`, or of output than `suffix` names.
 
     Raises
     ------
     UsageError
         With the option.
     """
+    part = {
+        "--start": options.start_s,
+        "--duration": options.duration_s,
+        "--scans": options.scans != _NUM_SCANS or None,
+    }
+    given = next((option for option, value in part.items() if value is not None), None)
+    if given is not None and kind != "recording":
+        raise UsageError(f"{given} is for recordings, and this is a {kind}")
     if options.recording and suffix not in (*RECORDINGS, *FILMS):
         raise UsageError(
             "--recording is for what plays: --serve, --export, and -o FILE.mcap, .bag, .gif or .mp4 of a result"

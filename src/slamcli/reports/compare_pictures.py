@@ -25,6 +25,10 @@ _COLUMNS = 2
 _OCCUPIED = 65
 _GAP = 16
 _RING_PX = 22.0
+_FAINT = 0.4
+"""Opacity of the truth's band."""
+_WIDER = 1.4
+"""By so many widths of a line each trajectory is wider than the one above it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,13 +57,13 @@ def map_pictures(shown: Sequence[Shown], truth: Trajectory | None) -> bytes:
         picture = paint_cells(one.grid, view)
         thin = plane.line_width(picture)
         if truth is not None:
-            raster.stroke(picture, view.pixels(truth.positions_m[:, :2]), scales.GREEN, 3.5 * thin, opacity=0.4)
+            raster.stroke(picture, view.pixels(truth.positions_m[:, :2]), scales.GREEN, 3.5 * thin, opacity=_FAINT)
         raster.stroke(picture, view.pixels(one.trajectory.positions_m[:, :2]), PALETTE[one.colour], thin)
         for mark in view.pixels(np.array(one.marks).reshape(-1, 2)):
             raster.circle(picture, mark, _RING_PX, scales.VERMILION, 2.0 * thin)
         legend: list[tuple[str, Colour | None]] = [(one.name, PALETTE[one.colour])]
         legend += [("double walls", scales.VERMILION)] if one.marks else []
-        legend += [("truth", scales.GREEN)] if truth is not None else []
+        legend += [("truth", _faint(scales.GREEN))] if truth is not None else []
         panels.append(plane.framed(picture, view, one.name, legend))
     return raster.png(_tiled(panels))
 
@@ -87,7 +91,7 @@ def overlay_picture(shown: Sequence[Shown]) -> bytes:
 
 
 def trajectory_picture(shown: Sequence[Shown], truth: Trajectory | None) -> bytes:
-    """Return a PNG of the trajectories, one colour each, and the true one as a band below them."""
+    """Return a PNG of the trajectories, one colour each, lower ones wider so that all are seen where they agree; the true one as a band below."""
     paths = [one.trajectory for one in shown] + ([truth] if truth is not None else [])
     axes = choose_axes(paths)
     lines = [path.positions_m[:, list(axes)] for path in paths]
@@ -96,13 +100,20 @@ def trajectory_picture(shown: Sequence[Shown], truth: Trajectory | None) -> byte
     thin = plane.line_width(picture)
     legend: list[tuple[str, Colour | None]] = []
     if truth is not None:
-        raster.stroke(picture, view.pixels(lines[-1]), scales.GREEN, 5.0 * thin, opacity=0.35)
-        legend.append(("truth", scales.GREEN))
-    for one, line in zip(shown, lines, strict=False):
-        raster.stroke(picture, view.pixels(line), PALETTE[one.colour], thin, opacity=0.85)
+        wide = (_WIDER * len(shown) + 3.5) * thin
+        raster.stroke(picture, view.pixels(lines[-1]), scales.GREEN, wide, opacity=_FAINT)
+        legend.append(("truth", _faint(scales.GREEN)))
+    for above, one, line in zip(range(len(shown) - 1, -1, -1), shown, lines, strict=False):
+        raster.stroke(picture, view.pixels(line), PALETTE[one.colour], (1.0 + _WIDER * above) * thin)
         legend.append((one.name, PALETTE[one.colour]))
     names = tuple("xyz"[axis] for axis in axes)
     return raster.png(plane.framed(picture, view, "trajectories", legend, (names[0], names[1]), grid=True))
+
+
+def _faint(colour: Colour) -> Colour:
+    """Return what a colour becomes as a band on white."""
+    red, green, blue = (round(255 - _FAINT * (255 - part)) for part in colour)
+    return red, green, blue
 
 
 def _view(grids: Sequence[OccupancyGrid], paths: Sequence[Trajectory], longest_px: int) -> View:

@@ -153,6 +153,8 @@ class Evidence:
     """Offsets that are applied already."""
     unused_mends: tuple[str, ...] = ()
     """Mends that changed nothing."""
+    laser_placed: bool = False
+    """Whether ``--laser-pose`` says where the scanner sits."""
 
     def of(self, kind: type) -> dict[str, TopicSurvey]:
         """Return the surveys of topics that decode to a measurement type and hold messages."""
@@ -215,4 +217,5 @@ def gather(recording: Recording) -> Evidence:
         turns=turns_of_robot(recording, kinds[Odometry][OdometryEvidence]),
         time_offsets_ns=recording.mends.time_offsets_ns,
         unused_mends=recording.unused_mends(),
+        laser_placed=recording.mends.laser_pose is not None,
     )

@@ -42,6 +42,8 @@ def missing(evidence: Evidence) -> Iterator[Finding]:
             frame = getattr(found.first, "frame_id", None)
             if frame is None or (base is not None and tree.connected(base, frame)):
                 continue
+            if what == "scanner" and evidence.laser_placed:
+                continue
             if kind is PointCloud and frame in _MAP_FRAMES:
                 continue  # a map, no sensor
             if base is None:
