@@ -93,12 +93,17 @@ def _table(document: Mapping[str, Any]) -> tuple[list[str], list[list[Any]], lis
     ]
     rows = [
         [
-            run["name"], run["state"], *(run["figures"].get(key) for key in keys), run["timing"]["realtime_factor"] or None,
+            run["name"], run["state"], *(_short(run["figures"].get(key)) for key in keys), run["timing"]["realtime_factor"] or None,
             round(run["timing"]["wall_s"], 1), round(run["peak_memory_bytes"] / 1e6), run["warnings"], run["message"],
         ]
         for run in runs
     ]  # fmt: skip
     return columns, rows, list(range(2, len(columns) - 1))
+
+
+def _short(value: Any) -> Any:
+    """Return a figure with four digits; all of them stand in summary.csv."""
+    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def _rank(key: str) -> int:

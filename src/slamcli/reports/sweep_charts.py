@@ -27,6 +27,7 @@ from slamcli.reports.sweep_views import (
     PairView,
     ParameterView,
     baseline_median,
+    digits,
     objective_label,
     thinned,
     value_label,
@@ -107,7 +108,7 @@ def pair_chart(pair: PairView, document: Mapping[str, Any]) -> str:
         good = 1.0 - share if smallest else share
         parts.append(
             f'<path fill="var(--c0)" fill-opacity="{0.08 + 0.82 * good:.2f}" d="M{x + 1:.1f} {y + 1}h{width - 2:.1f}v{_CELL - 2}h-{width - 2:.1f}z"/>'
-            f'<text class="label" style="fill:{"#fff" if good > 0.62 else "var(--ink)"}" x="{x + width / 2:.1f}" y="{y + _CELL / 2 + 4:.1f}" text-anchor="middle">{value:.4g}</text>'
+            f'<text class="label" style="fill:{"#fff" if good > 0.62 else "var(--ink)"}" x="{x + width / 2:.1f}" y="{y + _CELL / 2 + 4:.1f}" text-anchor="middle">{digits(value)}</text>'
         )
     for column in thinned([left + column * width for column in range(columns)], 40.0):
         text = escape(value_label(pair.first.values[column]))
@@ -151,16 +152,16 @@ def cost_chart(cost: CostView, document: Mapping[str, Any]) -> str:
     parts.append(
         f'<text class="label" x="{middle:.0f}" y="{frame.bottom + 33}" text-anchor="middle">time of a run in s (median)</text>'
     )
+    if cost.baseline >= 0:  # a ring around its point
+        at = [cost.baseline]
+        parts.append(
+            f'<path class="dots c1" style="stroke-width:13" d="{_dots(frame, cost.times_s[at], cost.values[at])}"/>'
+        )
     parts.append(f'<path class="line c2" d="{path(frame, cost.times_s[front], cost.values[front])}"/>')
     parts.append(f'<path class="dots c0" style="stroke-width:7" d="{_dots(frame, cost.times_s, cost.values)}"/>')
     parts.append(
         f'<path class="dots c2" style="stroke-width:7" d="{_dots(frame, cost.times_s[front], cost.values[front])}"/>'
     )
-    if cost.baseline >= 0:
-        at = [cost.baseline]
-        parts.append(
-            f'<path class="dots c1" style="stroke-width:4" d="{_dots(frame, cost.times_s[at], cost.values[at])}"/>'
-        )
     return drawing("time against the objective", _WIDTH, _HEIGHT + room, parts)
 
 

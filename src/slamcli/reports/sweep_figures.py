@@ -19,6 +19,7 @@ from slamcli.reports.sweep_views import (
     ParameterView,
     baseline_median,
     cost_view,
+    digits,
     objective_label,
     pair_view,
     parameter_views,
@@ -122,7 +123,7 @@ def _pair_picture(pair: PairView, document: Mapping[str, Any]) -> bytes:
             axes.text(
                 column,
                 row,
-                f"{value:.3g}",
+                digits(value),
                 ha="center",
                 va="center",
                 fontsize="small",
@@ -144,9 +145,13 @@ def _cost_picture(cost: CostView, document: Mapping[str, Any]) -> bytes:
             cost.times_s[cost.baseline], cost.values[cost.baseline], "s", color=_ORANGE, markersize=9, fillstyle="none",
             label="baseline",
         )  # fmt: skip
+    middle = (float(np.min(cost.times_s)) + float(np.max(cost.times_s))) / 2
+    away = -11 if document["objective"]["best"] == "smallest" else 5  # from the line, which comes from the left
     for i in front[:8]:
+        left = cost.times_s[i] > middle  # into the picture, not out of it
         axes.annotate(
-            cost.labels[i][:60], (cost.times_s[i], cost.values[i]), textcoords="offset points", xytext=(6, 5), fontsize="x-small",
+            cost.labels[i][:60], (cost.times_s[i], cost.values[i]), textcoords="offset points", xytext=(-6, away) if left else (6, 5),
+            ha="right" if left else "left", fontsize="x-small",
         )  # fmt: skip
     axes.margins(x=0.12, y=0.12)
     axes.set_xlabel("time of a run in s (median)")

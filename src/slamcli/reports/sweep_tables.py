@@ -8,6 +8,8 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from slamcli.reports.sweep_views import digits, objective_label
+
 _SHORT = {"within the spread": "within spread", "same": "same", "one run": "one run", "no value": "–"}
 
 
@@ -24,7 +26,7 @@ def set_columns(document: Mapping[str, Any]) -> list[str]:
     """Return the headings of the table of sets."""
     names = [parameter["name"] for parameter in document["parameters"]]
     objective = document["objective"]
-    key = f"{objective['key']} / baseline" if objective["relative"] else objective["key"]
+    key = f"{objective['key']} / baseline" if objective["relative"] else objective_label(document)
     together = ["mean rank"] if objective["relative"] else []
     return [
         "rank",
@@ -55,14 +57,14 @@ def _row(one: Mapping[str, Any], document: Mapping[str, Any]) -> list[str]:
     spread = [""] * 2
     if one["count"] > 1:
         spread = [
-            f"{short(one[low])} … {short(one[high])}" for low, high in (("lower", "upper"), ("minimum", "maximum"))
+            f"{_figure(one[low])} … {_figure(one[high])}" for low, high in (("lower", "upper"), ("minimum", "maximum"))
         ]
     timing = one["timing"]
     return [
         str(one["rank"]),
         *values,
         *([short(one["mean_rank"])] if document["objective"]["relative"] else []),
-        short(one["median"]),
+        _figure(one["median"]),
         *(spread if _has_spread(document) else []),
         f"{one['failed']}/{total}" if one["failed"] else "0",
         _against(one),
@@ -70,6 +72,10 @@ def _row(one: Mapping[str, Any], document: Mapping[str, Any]) -> list[str]:
         short(timing["realtime_factor"]),
         f"{one['peak_memory_bytes'] / 1e6:.0f}" if one["peak_memory_bytes"] else "–",
     ]
+
+
+def _figure(value: float | None) -> str:
+    return "–" if value is None else digits(value)
 
 
 def _against(one: Mapping[str, Any]) -> str:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slamcli.evaluation.figure_catalogue import BY_KEY
+
 _MOST_CELLS = 25
 
 
@@ -64,9 +66,17 @@ class CostView:
 
 
 def objective_label(document: Mapping[str, Any]) -> str:
-    """Return the label of the objective's axis."""
+    """Return the label of the objective's axis, with its unit where it is known."""
     objective = document["objective"]
-    return f"{objective['key']} (multiple of the baseline's)" if objective["relative"] else str(objective["key"])
+    if objective["relative"]:
+        return f"{objective['key']} (multiple of the baseline's)"
+    known = BY_KEY.get(objective["key"])
+    return f"{objective['key']}, {known.unit}" if known is not None and known.unit else str(objective["key"])
+
+
+def digits(value: float) -> str:
+    """Return a figure of the objective: four digits, also where the last are zeros, so that those of a column compare."""
+    return f"{value:#.4g}".rstrip(".")
 
 
 def baseline_median(document: Mapping[str, Any]) -> float:
