@@ -11,40 +11,29 @@ machine disturbs little; compare runs of one machine only.
 
 from __future__ import annotations
 
-import copy
 import importlib
-import pickle
 import time
-from typing import TYPE_CHECKING
 
 import pytest
-from kernel_calls import CALLS
-
-if TYPE_CHECKING:
-    from kernel_calls import Call
+from kernel_calls import CALLS, load_calls
 
 _ROUNDS_S = 0.2
 """How long each kernel is measured for, seconds."""
 
 
-def _calls() -> list[Call]:
-    if not CALLS.exists():
-        return []
-    with CALLS.open("rb") as stream:
-        return pickle.load(stream)
-
-
-@pytest.mark.parametrize("call", _calls(), ids=lambda call: call.key)
+@pytest.mark.parametrize("call", load_calls(), ids=lambda call: call.key)
 @pytest.mark.benchmark(timer=time.process_time)
 def test_kernel(benchmark, call):
     kernel = getattr(importlib.import_module(call.module), call.name)
-    kernel(*copy.deepcopy(call.arguments))  # compiled, or loaded from the cache
+    kernel(*call.arguments())  # compiled, or loaded from the cache
+    arguments = call.arguments()
+    start = time.process_time()
+    kernel(*arguments)
+    seconds = time.process_time() - start
     benchmark.group = call.module.removeprefix("slamcli.").partition(".")[0]
-    benchmark.extra_info.update(
-        scenario=call.scenario, shapes=[str(getattr(a, "shape", a))[:60] for a in call.arguments]
-    )
-    rounds = int(min(max(_ROUNDS_S / max(call.seconds, 1e-6), 5), 1000))
-    benchmark.pedantic(kernel, setup=lambda: (copy.deepcopy(call.arguments), {}), rounds=rounds)
+    benchmark.extra_info.update(scenario=call.scenario, input=call.input_size(), recorded_s=call.seconds)
+    rounds = int(min(max(_ROUNDS_S / max(seconds, 1e-6), 5), 1000))
+    benchmark.pedantic(kernel, setup=lambda: (call.arguments(), {}), rounds=rounds)
 
 
 def test_there_are_calls():
