@@ -62,6 +62,21 @@ def test_every_command_and_every_option_has_help():
                 assert parameter.help, f"{name} {parameter.opts}"
 
 
+def test_help_fits_80_columns():
+    for name, command in [("", main_module.cli), *all_commands()]:
+        words = ["slamcli", *name.split()]
+        context = click.Context(command, info_name=" ".join(words), terminal_width=80, max_content_width=80)
+        text = command.get_help(context)
+        assert [line for line in text.splitlines() if len(line) > 80] == [], name
+        assert not re.search(r"^  .*\.\.\.$", text, re.MULTILINE), name  # the line of a subcommand that was cut off
+
+
+def test_what_is_true_is_named_by_ref_and_by_truth_alike():
+    names = {name: {opt for p in command.params for opt in p.opts} for name, command in all_commands()}
+    for name in ("map", "sweep", "compare", "localize", "view"):
+        assert {"--ref", "--truth"} <= names[name], name
+
+
 def test_every_command_has_a_page_and_stands_in_the_readme():
     readme = (ROOT / "README.md").read_text()
     index = (ROOT / "docs" / "index.md").read_text()

@@ -58,6 +58,7 @@ def test_a_sweep_ranks_goes_on_and_its_best_file_gives_the_best_run(tmp_path, ca
         ([BAG, "--set", "srr=0.1:0.2", "--ref", "truth"], "add --random N"),
         ([BAG, "--set", "particles=3,-4", "--ref", "truth"], "must be between 1 and 10000"),
         ([BAG, "--set", "particles=3,4", "--ref", "none.tum"], "--ref none.tum: no such file"),
+        ([BAG, "--set", "particles=3,4", "--ref", __file__], "test_sweep_command.py, line 2: "),
         (["nothing.bag", "--set", "particles=3,4", "--ref", "truth"], "nothing that is true of nothing.bag"),
         (["nothing.bag", "--set", "particles=3,4"], "nothing.bag: no such file"),
         ([BAG, "--set", "particles=3,4", "--objective", "ate.rmse"], "name that with --ref"),

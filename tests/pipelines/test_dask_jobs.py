@@ -79,6 +79,14 @@ def test_jobs_run_on_workers_as_they_do_here(cluster):
     assert [one.reused for one in run(cluster, [job("a"), job("b")])] == [True, True]
 
 
+def test_the_output_may_be_made_here_of_what_the_job_made_there(cluster):
+    later = replace(job("a"), output=Path("a.figures"), makes=Path("a.yaml"))
+    told = lambda outcome: later.output.write_text(str(outcome.done))  # noqa: E731 - as sweep measures a run
+    assert run(cluster, [later], told=told)[0].done
+    assert later.output.read_text() == "True"
+    assert run(cluster, [later])[0].reused
+
+
 def test_a_lost_worker_is_replaced_and_a_job_that_loses_two_is_given_up(cluster):
     outcomes: list = []
     jobs = [waiting("x")]

@@ -65,7 +65,7 @@ _NO_MATTER = frozenset(
     help="A finished result, a folder that `slamcli map` wrote: nothing is run for it.",
 )  # fmt: skip
 @click.option(
-    "--ref", "references", multiple=True, metavar="TRUTH",
+    "--ref", "--truth", "references", multiple=True, metavar="TRUTH",
     help="Ground truth: a trajectory, a relations file or a map.yaml; once for each kind.",
 )  # fmt: skip
 @click.option(
@@ -116,11 +116,16 @@ def command(
 
     \b
     slamcli compare robot.bag
-    slamcli compare mit-csail.clf.gz --algo gmapping --algo cartographer --algo rtabmap --ref mit-csail.relations
-    slamcli compare office.bag --ref office.truth.tum --ref office.map.yaml --max gmapping.ate.rmse=0.05
-    slamcli compare robot.bag --variant few=gmapping:particles=10 --variant many=gmapping:particles=100
-    slamcli compare robot.bag --result before=robot-maps --algo gmapping --set particles=60 --max gmapping.map.wall_thickness_m=0.1
-    slamcli compare robot.bag --algo cartographer --config cartographer=mine.lua --mode cartographer=2d
+    slamcli compare mit-csail.clf.gz --algo gmapping --algo cartographer \\
+        --algo rtabmap --ref mit-csail.relations
+    slamcli compare office.bag --ref office.truth.tum --ref office.map.yaml \\
+        --max gmapping.ate.rmse=0.05
+    slamcli compare robot.bag --variant few=gmapping:particles=10 \\
+        --variant many=gmapping:particles=100
+    slamcli compare robot.bag --result before=robot-maps --algo gmapping \\
+        --set particles=60 --max gmapping.map.wall_thickness_m=0.1
+    slamcli compare robot.bag --algo cartographer \\
+        --config cartographer=mine.lua --mode cartographer=2d
 
     DIR gets compare.json, compare.md, report.html, maps.png, overlay.png, trajectories.png, run.json and the whole result of each
     system in a folder of its own. A comparison that was stopped goes on where it was. Keys of --max and --min are NAME.FIGURE.

@@ -22,7 +22,7 @@ def command() -> None:
     """Show resolved parameters; check native configuration files."""
 
 
-@command.command("show")
+@command.command("show", short_help="Print every parameter, its value and its source.")
 @click.option(
     "--algo",
     default="gmapping",
@@ -74,7 +74,7 @@ def show_command(
     return 0
 
 
-@command.command("check")
+@command.command("check", short_help="Say what is wrong with native configuration files.")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option("--beams", type=click.IntRange(min=1), help="Beams of your scanner, for parameters that depend on it.")
 @click.option(

@@ -103,7 +103,8 @@ def command(
     \b
     slamcli convert intel.clf.gz intel.mcap
     slamcli convert drive.bag drive_ros2
-    slamcli convert drive_0.bag drive_1.bag drive.mcap --topics /scan,/odom,/tf,/tf_static
+    slamcli convert drive_0.bag drive_1.bag drive.mcap \\
+        --topics /scan,/odom,/tf,/tf_static
     slamcli convert rgbd_dataset_freiburg1_desk desk.mcap
     slamcli convert desk.mcap desk_folder --layout tum
     slamcli convert state.pbstream path.tum

@@ -68,7 +68,8 @@ def _normalise(token: str) -> str:
     type=click.Choice(_RELATIONS),
     default="trans_part",
     show_default=True,
-    help="What of the error pose ATE and RPE measure.",
+    metavar="PART",
+    help=f"What of the error pose ATE and RPE measure: {', '.join(_RELATIONS)}.",
 )
 @click.option("-d", "--delta", type=float, default=1.0, show_default=True, help="RPE: distance between paired poses.")
 @click.option(
@@ -185,8 +186,10 @@ def command(
 
     \b
     slamcli evaluate intel/trajectory.tum intel.relations
-    slamcli evaluate run/trajectory.tum groundtruth.txt --max ate.rmse=0.05 --min coverage.time=0.9 --junit score.xml
-    slamcli evaluate bag.mcap:/amcl_pose 'bag.mcap:map>base_link' --t-max-diff 0.05 --json
+    slamcli evaluate run/trajectory.tum groundtruth.txt --max ate.rmse=0.05 \\
+        --min coverage.time=0.9 --junit score.xml
+    slamcli evaluate bag.mcap:/amcl_pose 'bag.mcap:map>base_link' \\
+        --t-max-diff 0.05 --json
     slamcli evaluate kitti_est.txt kitti_gt.txt --metric segments
     slamcli evaluate intel/map.yaml floorplan.yaml --plot difference.png
 

@@ -56,7 +56,8 @@ def command(
     \b
     slamcli explore office --slam cartographer -o office
     slamcli explore map.yaml --slam gmapping --start -2,0.5,0 -o again --lean
-    slamcli explore warehouse --slam gmapping --set explore/gain=visible --animation warehouse.gif
+    slamcli explore warehouse --slam gmapping --set explore/gain=visible \\
+        --animation warehouse.gif
     slamcli navigate 12,9 --map office/map.yaml --world office --start 2,8.8,0
 
     Exit codes: 0 nothing is left and the robot is home, 1 time ran out or the robot is stuck (the map so far is saved, the message

@@ -83,11 +83,15 @@ def command(
     .db3 or a folder.
 
     \b
-    slamcli generate office office.mcap --truth office.truth.tum --map-out office.map.yaml
+    slamcli generate office office.mcap --truth office.truth.tum \\
+        --map-out office.map.yaml
     slamcli generate warehouse hall.bag --duration 300 --people 4 --imu --seed 7
-    slamcli generate map.yaml drive.mcap --set laser.range_max=4 --set laser.fov=240
-    slamcli generate office slip.bag --set slip.count=3 --set clock.laser_offset=0.1
-    slamcli generate visual_room room.mcap --camera rgbd-inertial --duration 20 --truth room.truth.tum
+    slamcli generate map.yaml drive.mcap --set laser.range_max=4 \\
+        --set laser.fov=240
+    slamcli generate office slip.bag --set slip.count=3 \\
+        --set clock.laser_offset=0.1
+    slamcli generate visual_room room.mcap --camera rgbd-inertial \\
+        --duration 20 --truth room.truth.tum
     """  # noqa: D301 - click needs the backspace itself
     from slamcli.pipelines.generate import generate
     from slamcli.runtime import RunLog

@@ -49,7 +49,7 @@ def _list_settings(ctx: click.Context, _parameter: click.Parameter, wanted: bool
 @click.option("--odom-frame", help="Frame of the odometry.")
 @click.option("--begin", "begin_s", type=float, metavar="SECONDS", help="Begin this long after the recording's start.")
 @click.option("--duration", "duration_s", type=float, metavar="SECONDS", help="Use this much of the recording.")
-@click.option("--ref", "reference", metavar="TRAJECTORY", help="True trajectory in the map's frame, or another localiser's (file, or BAG:/topic): its errors go into the report.")  # fmt: skip
+@click.option("--ref", "--truth", "reference", metavar="TRAJECTORY", help="True trajectory in the map's frame, or another localiser's (file, or BAG:/topic): its errors go into the report.")  # fmt: skip
 @click.option("--ref-align", "reference_align", type=click.Choice(["none", "se3", "sim3", "origin"]), default="none", show_default=True, help="How the result is laid on --ref first, where that has a frame (sim3: a scale, too) of its own.")  # fmt: skip
 @click.option("--list-settings", is_flag=True, is_eager=True, expose_value=False, callback=_list_settings, help="Explain every parameter.")  # fmt: skip
 @seed_option
@@ -66,9 +66,12 @@ def command(
 
     \b
     slamcli localize drive.mcap --map map.yaml --start 2.0,1.5,0
-    slamcli localize drive.bag --map map.yaml --global --config move_base.launch --seed 3
-    slamcli localize drive.mcap --map map.yaml --scan-topic /front --scan-topic /rear --ref truth.tum
-    slamcli localize drive.mcap --map map.yaml --set laser_model_type=beam --set max_particles=500
+    slamcli localize drive.bag --map map.yaml --global \\
+        --config move_base.launch --seed 3
+    slamcli localize drive.mcap --map map.yaml --scan-topic /front \\
+        --scan-topic /rear --ref truth.tum
+    slamcli localize drive.mcap --map map.yaml --set laser_model_type=beam \\
+        --set max_particles=500
 
     The folder gets trajectory.tum (one pose of the robot in the map for every scan), poses.csv (with covariances), map.png,
     report.html and run.json. Exit codes: 0 done, 1 failed or a threshold missed, 2 wrong usage or input.

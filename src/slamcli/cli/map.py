@@ -155,6 +155,8 @@ _FILES = ("load_states", "load_frozen_states", "camera_files")
 @click.option("--mcap", is_flag=True, help="Also write result.mcap, the run as it went, for Foxglove and RViz.")
 @click.option(
     "--truth",
+    "--ref",
+    "truth",
     metavar="TRAJECTORY",
     help="True trajectory (file, data-set folder, or BAG:/topic): its errors go into the report.",
 )
@@ -189,7 +191,8 @@ def command(
     slamcli map --algo cartographer second.mcap --load-state first/state.pbstream
     slamcli map --algo cartographer --load-state state.pbstream -o drawn
     slamcli map --algo orbslam3 redkitchen --mode rgbd --dense mesh -o kitchen
-    slamcli map --algo orbslam3 second.mcap --load-atlas first/atlas.npz --localise-only
+    slamcli map --algo orbslam3 second.mcap --load-atlas first/atlas.npz \\
+        --localise-only
     slamcli map --algo rtabmap second.mcap --database home.db
     slamcli map --algo rtabmap old.db --set Kp/MaxFeatures=1000
 
@@ -283,7 +286,8 @@ def _command_line(
             continue
         flag = names.get(key, f"--{key.replace('_', '-')}")
         for item in value if isinstance(value, tuple) else (value,):
-            words += [flag, item.name if isinstance(item, Path) and key in _FILES else str(item)]
+            text = item.name if isinstance(item, Path) and key in _FILES else str(item)
+            words += [flag] if item is True else [flag, text]
     for name, value in arguments.items():
         words += ["--arg", f"{name}={value}"]
     for flag, value in mends.items():

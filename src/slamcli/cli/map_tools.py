@@ -26,7 +26,7 @@ def command() -> None:
     """  # noqa: D301 - click needs the backspace itself
 
 
-@command.command()
+@command.command(short_help="Size, area, and how ROS 1 and nav2 read a map.")
 @click.argument("map_path", metavar="MAP", type=click.Path())
 @json_option
 def info(map_path: str, as_json: bool) -> int:
@@ -75,7 +75,7 @@ def _print_info(document: dict[str, Any]) -> None:
     console.print(areas)
 
 
-@command.command()
+@command.command(short_help="Write a map in another mode or picture format.")
 @click.argument("source", type=click.Path())
 @click.argument("target", type=click.Path())
 @click.option("--mode", type=_MODES, help="Mode of TARGET (default: that of SOURCE).")
@@ -101,7 +101,7 @@ def convert(
     return 0
 
 
-@command.command()
+@command.command(short_help="Write a part of a map, or what is known of it.")
 @click.argument("source", type=click.Path())
 @click.argument("target", type=click.Path())
 @click.option("--bounds", metavar="MINX,MINY,MAXX,MAXY", help="What to keep, metres, map frame (default: what is known).")  # fmt: skip
@@ -117,7 +117,7 @@ def crop(source: str, target: str, bounds: str | None, margin_m: float, as_json:
     return 0
 
 
-@command.command()
+@command.command(short_help="Count the cells that differ between two maps.")
 @click.argument("first", type=click.Path())
 @click.argument("second", type=click.Path())
 @click.option("-o", "--output", type=click.Path(), metavar="FILE.png", help="Draw what changed, on the cells of FIRST.")

@@ -82,10 +82,14 @@ def command(
 
     \b
     slamcli navigate 3.0,2.0 --map map.yaml --start 0,0,0
-    slamcli navigate 3,2,1.57 -1.5,2 --map map.yaml --start 0,0,0 --people 5 -o tour
-    slamcli navigate --mission rounds.yaml --map map.yaml --bag rounds.bag --animation rounds.gif
-    slamcli navigate 6.5,8 --slam gmapping --world office --config slam_navigation_full.launch -o unknown
-    slamcli navigate 3,2 --map map.yaml --start 0,0 --local-planner teb --set TebLocalPlannerROS/max_vel_x=0.4
+    slamcli navigate 3,2,1.57 -1.5,2 --map map.yaml --start 0,0,0 --people 5 \\
+        -o tour
+    slamcli navigate --mission rounds.yaml --map map.yaml --bag rounds.bag \\
+        --animation rounds.gif
+    slamcli navigate 6.5,8 --slam gmapping --world office \\
+        --config slam_navigation_full.launch -o unknown
+    slamcli navigate 3,2 --map map.yaml --start 0,0 --local-planner teb \\
+        --set TebLocalPlannerROS/max_vel_x=0.4
 
     Exit codes: 0 every goal was reached, 1 one was not and the message says why, or a threshold was missed, 2 wrong usage or input.
     """  # noqa: D301 - click needs the backspace itself

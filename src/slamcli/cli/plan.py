@@ -70,9 +70,13 @@ def command(
 
     \b
     slamcli plan -1.5,2.0 3.0,2.0 --map intel/map.yaml
-    slamcli plan 0,0 12.5,-3,1.57 --map map.yaml --robot-radius 0.18 --planner astar -o path.mcap
-    slamcli plan 0,0,0 5,5,3.14 --map map.yaml --footprint '[[.3,.2],[-.2,.2],[-.2,-.2],[.3,-.2]]' --planner hybrid_astar
-    slamcli plan 0,0 5,5 --map map.yaml --costmap costmap_common_params.yaml -o planned/
+    slamcli plan 0,0 12.5,-3,1.57 --map map.yaml --robot-radius 0.18 \\
+        --planner astar -o path.mcap
+    slamcli plan 0,0,0 5,5,3.14 --map map.yaml \\
+        --footprint '[[.3,.2],[-.2,.2],[-.2,-.2],[.3,-.2]]' \\
+        --planner hybrid_astar
+    slamcli plan 0,0 5,5 --map map.yaml --costmap costmap_common_params.yaml \\
+        -o planned/
     slamcli plan --pairs pairs.csv --map map.yaml --robot-radius 0 --planner astar
 
     Exit codes: 0 a path was found (with --pairs: every pair was answered), 1 there is none and the message says what

@@ -51,7 +51,7 @@ _OF_MAP = (
     help="The first seed; also that of --random.",
 )  # fmt: skip
 @click.option(
-    "--ref", metavar="GT",
+    "--ref", "--truth", "ref", metavar="GT",
     help="What is true: a trajectory, a relations file or a map; `truth` finds what lies beside BAG. {name} and {dir} stand for BAG's.",
 )  # fmt: skip
 @click.option(
@@ -92,11 +92,15 @@ def command(
     """Try many values of native parameters on the recording BAG, and rank them.
 
     \b
-    slamcli sweep robot.bag --set particles=10,30,60 --seeds 6 --ref robot.relations
-    slamcli sweep desk.mcap --algo orbslam3 --set ORBextractor.nFeatures=500,1000,2000 --ref truth
-    slamcli sweep run.mcap --algo cartographer --random 40 --ref truth
-        --set POSE_GRAPH.constraint_builder.min_score=0.4:0.8 --set POSE_GRAPH.optimize_every_n_nodes=20:200:log
-    slamcli sweep a.bag b.bag c.bag --together --set srr=0.01,0.1 --ref '{dir}/{name}.truth.tum'
+    slamcli sweep robot.bag --set particles=10,30,60 --seeds 6 \\
+        --ref robot.relations
+    slamcli sweep desk.mcap --algo orbslam3 \\
+        --set ORBextractor.nFeatures=500,1000,2000 --ref truth
+    slamcli sweep run.mcap --algo cartographer --random 40 --ref truth \\
+        --set POSE_GRAPH.constraint_builder.min_score=0.4:0.8 \\
+        --set POSE_GRAPH.optimize_every_n_nodes=20:200:log
+    slamcli sweep a.bag b.bag c.bag --together --set srr=0.01,0.1 \\
+        --ref '{dir}/{name}.truth.tum'
 
     The folder gets sweep.csv, sweep.json, sweep.md, report.html, a plot per parameter, and best.launch, .lua, .ini or .yaml: the
     best set as the system's own file. Stop it at any time: the same command goes on where it was.

@@ -63,7 +63,8 @@ def command(
     slamcli teleop office drive.mcap
     slamcli teleop office drive.mcap --slam gmapping --map-out room.yaml
     slamcli teleop warehouse drive.bag --people 4 --speed 2 --set robot.drive=omni
-    slamcli teleop office drive.mcap --script velocities.csv --truth drive.truth.tum
+    slamcli teleop office drive.mcap --script velocities.csv \\
+        --truth drive.truth.tum
     """  # noqa: D301 - click needs the backspace itself
     speed, timeout = _pace(script, options.pop("speed"), options.pop("key_timeout_s"))
     _require_a_driver(script)

@@ -22,7 +22,7 @@ from slamcli.cli.view_player import check_given, check_player, export_page, play
     help="Where the picture goes (.png); of a result, a map or a trajectory also a figure for papers (.pdf, .svg), a film (.gif, .mp4), or a recording for Foxglove and RViz (.mcap, .bag, a folder). Default: view.png in a result folder, else NAME-view.png beside the source.",
 )  # fmt: skip
 @click.option(
-    "--truth", type=click.Path(path_type=Path), metavar="FILE",
+    "--truth", "--ref", "truth", type=click.Path(path_type=Path), metavar="FILE",
     help="Ground truth (a TUM, KITTI or EuRoC file, or a data-set folder), drawn in green.",
 )  # fmt: skip
 @click.option(
@@ -84,15 +84,15 @@ def command(
     or a recording (several files that belong together count as one).
 
     \b
-    slamcli view intel                          the map with the trajectory on it, intel/view.png
+    slamcli view intel                          map and trajectory: intel/view.png
     slamcli view map.yaml -o map.png            any map that map_server reads
-    slamcli view state.pbstream                 map and trajectory of a state of Cartographer
+    slamcli view state.pbstream                 a state of Cartographer
     slamcli view a.tum b.tum --truth gt.tum     trajectories over each other
-    slamcli view intel -o intel.mcap            the run as it went, for Foxglove and RViz
-    slamcli view intel -o intel.pdf             map and trajectory for a paper; several results over each other
+    slamcli view intel -o intel.mcap            the run, for Foxglove and RViz
+    slamcli view intel -o intel.pdf             a figure; several results, too
     slamcli view intel -o intel.gif             a film of the map as it grew
     slamcli view intel --serve                  plays it in the browser
-    slamcli view drive.bag                      topics over time, odometry and scans
+    slamcli view drive.bag                      topics over time, odometry, scans
 
     Exit codes: 0 drawn, 2 wrong usage or input.
     """  # noqa: D301

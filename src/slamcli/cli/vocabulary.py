@@ -22,7 +22,7 @@ def command() -> None:
     """  # noqa: D301 - click needs the backspace itself
 
 
-@command.command()
+@command.command(short_help="Learn a vocabulary from pictures or recordings.")
 @click.argument("sources", metavar="IMAGES|RECORDING...", nargs=-1, required=True, type=click.Path())
 @click.option("-o", "--output", required=True, type=click.Path(), metavar="FILE", help="Where to write it (.npz).")
 @click.option("--branching", type=click.IntRange(2, 256), default=10, show_default=True, help="Branches of a node.")
@@ -64,7 +64,7 @@ def train(
     return 0
 
 
-@command.command()
+@command.command(short_help="What is in a vocabulary's file.")
 @click.argument("source", metavar="FILE", type=click.Path())
 @json_option
 def info(source: str, as_json: bool) -> int:

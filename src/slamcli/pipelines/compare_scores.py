@@ -22,7 +22,7 @@ from slamcli.pipelines.compare_results import Compared
 from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, score_trajectory
 from slamcli.pipelines.evaluate_map import score_map
 from slamcli.pipelines.evaluate_relations import evaluate_relations
-from slamcli.pipelines.evaluation_request import find_kind
+from slamcli.pipelines.evaluation_request import check_reference, find_kind
 from slamcli.pipelines.trajectories import load_trajectory
 from slamcli.recordings import Mends
 from slamcli.runtime import RunLog
@@ -118,6 +118,8 @@ def load_truth(references: Sequence[str], mends: Mends, log: RunLog) -> Truth:
             raise UsageError(
                 f"--ref {found['trajectory']}: poses without stamps cannot be compared with several results"
             )
+    if "relations" in found:
+        check_reference(found["relations"], mends)
     grid = read_map(found["map"]).grid if "map" in found else None
     return Truth(
         trajectory=trajectory, relations=found.get("relations"), grid=grid, sources=dict(sorted(found.items()))

@@ -135,9 +135,10 @@ class DaskCluster:
     def _checked(self, job: Job, outcome: JobOutcome) -> JobOutcome:
         """Return the outcome, as a failure if what the worker wrote is not to be seen here."""
         until = time.monotonic() + _SEEN_S
-        while outcome.done and not job.output.exists():
+        made = job.makes or job.output
+        while outcome.done and not made.exists():
             if time.monotonic() > until:
-                return _failed(job, f"the worker wrote {job.output}, and it is not there: {_SHARED}")
+                return _failed(job, f"the worker wrote {made}, and it is not there: {_SHARED}")
             time.sleep(0.1)
         return outcome
 

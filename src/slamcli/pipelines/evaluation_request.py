@@ -11,11 +11,12 @@ from typing import Any, Protocol
 
 from slamcli.errors import FormatError, UsageError
 from slamcli.evaluation import AlignMode, DeltaUnit, PoseRelation
-from slamcli.formats.relations import looks_like_relations
+from slamcli.formats.maps import read_map
+from slamcli.formats.relations import looks_like_relations, read_relations
 from slamcli.pipelines.evaluate import ErrorOptions, MatchOptions, evaluate_trajectory
 from slamcli.pipelines.evaluate_map import evaluate_map
 from slamcli.pipelines.evaluate_relations import evaluate_relations
-from slamcli.pipelines.trajectories import is_recording, parse_source
+from slamcli.pipelines.trajectories import is_recording, load_trajectory, parse_source
 from slamcli.recordings.adapters.context import renaming
 from slamcli.recordings.mends import Mends
 from slamcli.runtime import RunLog
@@ -132,6 +133,23 @@ def find_kind(reference: str) -> str:
     if source.path.suffix == ".relations" or looks_like_relations(source.path):
         return "relations"
     return "trajectory"
+
+
+def check_reference(reference: str, mends: Mends) -> None:
+    """Read a reference, so that what is wrong with it is told before long work and not after it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    kind, log = find_kind(reference), RunLog()
+    if kind == "map":
+        read_map(Path(reference))
+    elif kind == "relations":
+        read_relations(reference, log=log)
+    else:
+        load_trajectory(reference, mends=mends, log=log)
 
 
 def align_mode(options: Mapping[str, Any]) -> AlignMode:

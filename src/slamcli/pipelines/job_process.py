@@ -41,6 +41,8 @@ class Job:
     """Of slamcli, the command first; among them the output that `output` names."""
     output: Path
     """File or folder that the job leaves."""
+    makes: Path | None = None
+    """What its process itself leaves, where `output` is made of that by whoever is told of the outcome; None: `output`."""
     inputs: tuple[Path, ...] = ()
     """What it reads: it runs again where their content has changed."""
     remote: tuple[Remote, ...] = ()

@@ -13,7 +13,7 @@ from typing import Any
 from slamcli.errors import EstimationError, RecordingError, UsageError
 from slamcli.outputs import check_directory
 from slamcli.pipelines.config import NativeConfig, load_native
-from slamcli.pipelines.evaluation_request import find_kind
+from slamcli.pipelines.evaluation_request import check_reference, find_kind
 from slamcli.pipelines.jobs import Job, JobOutcome, run_jobs
 from slamcli.pipelines.sweep_axes import Axis, parse_axis, value_text
 from slamcli.pipelines.sweep_objective import (
@@ -112,7 +112,10 @@ def _axes(request: SweepRequest) -> tuple[list[Axis], dict[str, Any]]:
 
 
 def _objective(request: SweepRequest) -> Objective:
-    kinds = {find_kind(s.reference) for s in request.subjects if s.reference is not None}
+    references = [subject.reference for subject in request.subjects if subject.reference is not None]
+    for reference in references:  # told now what is wrong with it, and not after hours
+        check_reference(reference, request.mends)
+    kinds = {find_kind(reference) for reference in references}
     if len(kinds) > 1:
         raise UsageError(f"--ref: recordings have references of different kinds ({', '.join(sorted(kinds))})")
     key = request.objective

@@ -104,7 +104,7 @@ def job_of(run: Run, request: SweepRequest, fixed: Sequence[str]) -> Job:
         words += ["--set", text]
     words += ["--seed", str(run.seed), "--jobs", str(request.jobs), "-o", str(run.folder)]
     inputs = (*run.subject.inputs, *(file for file in request.config_files if file.exists()))
-    return Job(name=run.name, arguments=tuple(words), output=run.figures_file, inputs=inputs)
+    return Job(name=run.name, arguments=tuple(words), output=run.figures_file, makes=run.folder, inputs=inputs)
 
 
 class Bookkeeper:
