@@ -113,13 +113,13 @@ def test_the_json_document_is_run_json_with_its_keys(tmp_path, capsys):
 def test_the_recorded_command_makes_the_result_again(tmp_path):
     (tmp_path / "office.bag").symlink_to(OFFICE)
     mends = ["--time-offset", "/scan=0.01", "--laser-pose", "0.1,0,0", "--flip-scan", "--no-return", "free"]
-    words = ["map", "office.bag", "-o", "out", *FAST, *mends, "--map-mode", "scale", "--cloud-format", "none"]
+    words = ["map", "office.bag", "-o", "out", *FAST, *mends, "--map-mode", "scale", "--cloud-format", "none", "--mcap"]
     assert run(words) == 0
     command = json.loads(Path("out/run.json").read_text())["command"]
     assert "-o" not in command.split()
     assert "--cloud-colour" not in command
     assert run([*shlex.split(command)[1:], "-o", "again", "-q"]) == 0
-    for name in ("trajectory.tum", "map-scale.png", "map.yaml", "map.png"):
+    for name in ("trajectory.tum", "map-scale.png", "map.yaml", "map.png", "result.mcap"):
         assert Path("out", name).read_bytes() == Path("again", name).read_bytes(), name
 
 

@@ -286,7 +286,8 @@ def _command_line(
             continue
         flag = names.get(key, f"--{key.replace('_', '-')}")
         for item in value if isinstance(value, tuple) else (value,):
-            words += [flag, item.name if isinstance(item, Path) and key in _FILES else str(item)]
+            text = item.name if isinstance(item, Path) and key in _FILES else str(item)
+            words += [flag] if item is True else [flag, text]
     for name, value in arguments.items():
         words += ["--arg", f"{name}={value}"]
     for flag, value in mends.items():
