@@ -7,7 +7,7 @@
 
 Whatever Python calls a kernel for is looked at on its way: of each kernel the slowest of the calls number 1, 2, 4, 8, ... of each
 scenario is kept with copies of its arguments. A kernel that no scenario reaches keeps the call that its room's `warm()` makes, on tiny input. Kernels
-that only other kernels call are measured within those. Exit code 1: a scenario failed, or a kernel was reached by none.
+that only other kernels call are measured within those. Exit code 1: a scenario failed.
 """
 
 from __future__ import annotations
@@ -239,10 +239,10 @@ def record(only: str) -> int:
     tiny = sorted(key for key, call in book.calls.items() if call.scenario == WARM)
     print(f"{len(book.calls)} kernels that Python calls, of {len(known)}")
     print(f"called by other kernels only: {', '.join(sorted(known - set(book.calls)))}")
-    print(f"on tiny input only: {', '.join(tiny) or 'none'}")
+    print(f"reached by no scenario, so on the tiny input of warm(): {', '.join(tiny) or 'none'}")
     if failed:
         print(f"failed: {', '.join(failed)}")
-    return 1 if failed or tiny else 0
+    return 1 if failed else 0
 
 
 def table(source: Path, rows: int = 40) -> str:

@@ -139,6 +139,8 @@ def _check_place(target: Path) -> None:
 def _writable(target: Path) -> Iterator[None]:
     try:
         yield
+    except (FileExistsError, NotADirectoryError) as error:
+        raise UsageError(f"cannot write {target}: {error.filename} is a file") from error
     except OSError as error:
         raise UsageError(f"cannot write {target}: {error.strerror or error}") from error
 
