@@ -51,6 +51,7 @@ def test_a_word_is_found_without_a_server(tmp_path):
         driver.execute_script("arguments[0].focus()", field)
         field.send_keys("minimumScore")
         WebDriverWait(driver, PATIENCE_S).until(lambda d: d.execute_script(FOUND))
-        assert driver.get_log("browser") == []
+        # While a word is typed, the site's script warns of its first letters; what cannot be loaded is an error.
+        assert [entry for entry in driver.get_log("browser") if entry["level"] == "SEVERE"] == []
     finally:
         driver.quit()
