@@ -23,7 +23,8 @@ def test_the_folder_holds_what_the_page_says(tmp_path, capsys):
     json.loads(capsys.readouterr().out)
     record = json.loads((out / "run.json").read_text())
     assert sorted(record["outputs"]) == sorted(path.name for path in out.iterdir())
-    assert {"map.yaml", "map.pgm", "map.png", "trajectory.tum", "report.html", "run.json"} == set(record["outputs"])
+    files = {"map.yaml", "map.pgm", "map.png", "trajectory.tum", "particles.npz", "report.html", "run.json"}
+    assert files == set(record["outputs"])
     assert {len(column) for column in record["steps"].values()} == {record["summary"]["processed_scans"]}
     trajectory = read_tum(out / "trajectory.tum")
     truth = read_tum(SAMPLES / "office.truth.tum")
